@@ -1,0 +1,62 @@
+"""auroraqd: a robot finds out by itself what it can do.
+
+Quality-Diversity search with behavioural descriptors learned from sensory data (AURORA; Cully, GECCO 2019). Start with
+`Aurora`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# Public name to the module that has it. Loaded when first used: the command line must answer before NumPy, Numba and
+# scikit-learn are imported.
+_HOME = {
+    "Archive": "archive",
+    "Aurora": "aurora",
+    "Curiosity": "selection",
+    "Doubling": "schedule",
+    "Evaluation": "tasks",
+    "Every": "schedule",
+    "Fixed": "resolution",
+    "Gaussian": "variation",
+    "IsoLine": "variation",
+    "Never": "schedule",
+    "Polynomial": "variation",
+    "Repertoire": "repertoire",
+    "TaskError": "tasks",
+    "Uniform": "selection",
+    "UnstructuredArchive": "archive",
+    "VAT": "resolution",
+    "load": "storage",
+    "save": "storage",
+}
+_MODULES = ("metrics", "tasks")
+
+__all__ = [*sorted(_HOME), *_MODULES]
+
+if TYPE_CHECKING:
+    from auroraqd import metrics, tasks
+    from auroraqd.archive import Archive, UnstructuredArchive
+    from auroraqd.aurora import Aurora
+    from auroraqd.repertoire import Repertoire
+    from auroraqd.resolution import VAT, Fixed
+    from auroraqd.schedule import Doubling, Every, Never
+    from auroraqd.selection import Curiosity, Uniform
+    from auroraqd.storage import load, save
+    from auroraqd.tasks import Evaluation, TaskError
+    from auroraqd.variation import Gaussian, IsoLine, Polynomial
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"auroraqd.{name}")
+    if name in _HOME:
+        value = getattr(import_module(f"auroraqd.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'auroraqd' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

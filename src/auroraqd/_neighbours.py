@@ -1,0 +1,590 @@
+"""Nearest neighbours among the descriptors of an archive, and sequential insertion: compiled kernels.
+
+An unstructured archive asks the same two questions of every individual: which stored descriptors are nearest, and how far
+are the k nearest on average (its novelty). The answers come from a k-d tree whose leaves are buckets: small blocks of
+points, stored coordinate by coordinate so that the distances to a whole bucket are one vectorised loop.
+
+Why a tree and not a grid of cells of side l: learned descriptors are uneven and have outliers, l changes at every update,
+and three dimensions already need hundreds of cells a query. The tree has no scale of its own, serves any number of
+dimensions, and stays exact.
+
+Exactness. Distances are direct differences summed in the order of the dimensions, in float64. The distance to a node's
+bounding box is computed with the same operations, each of them monotonic under rounding, so it never exceeds the computed
+distance to a point in the box: pruning cannot change an answer, not even in the last bit. Equal distances are resolved by
+the lowest row. Answers therefore do not depend on the shape of the tree.
+
+Everything here takes and returns arrays; `Tree` is a tuple of arrays. Kernels are serial and release the interpreter lock.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+BUCKET = 32  # points a leaf can hold
+_DEPTH_LIMIT = 4000  # a deeper tree is rebuilt at once: it is the size of the stacks below
+
+# Positions in Tree.meta.
+_NODES, _BUCKETS, _DEPTH, _BUILT_DEPTH, _CHANGES = range(5)
+
+NOVELTY_MARGIN = 1e-9
+"""A novelty counts as larger only by more than this share of the other: a copy of a stored individual, described in a batch
+of another size, differs from it by rounding alone and must not pass for more novel."""
+
+
+class Tree(NamedTuple):
+    """A k-d tree over rows of points, all distinct. Children are adjacent nodes; a leaf owns one bucket.
+
+    Attributes:
+        link: (nodes,) int32. The first of two children, or `-1 - bucket` for a leaf.
+        axis: (nodes,) int32 and
+        split: (nodes,) float64. Points with `x[axis] < split` are below the first child, the others below the second.
+        box: (nodes, 2, d) float64. Lower and upper corner of a box that holds every point below the node.
+        count: (buckets,) int32. Points in a bucket.
+        rows: (buckets, BUCKET) int32. Their rows.
+        points: (buckets, d, BUCKET) float64. Their coordinates, first `count` of each line valid.
+        meta: (5,) int64. Nodes and buckets in use, depth now and after the last build, insertions since.
+    """
+
+    link: np.ndarray
+    axis: np.ndarray
+    split: np.ndarray
+    box: np.ndarray
+    count: np.ndarray
+    rows: np.ndarray
+    points: np.ndarray
+    meta: np.ndarray
+
+
+def _allocated(d, buckets):
+    """Room for a tree of this many buckets."""
+    nodes = 2 * buckets
+    return Tree(
+        link=np.empty(nodes, np.int32),
+        axis=np.empty(nodes, np.int32),
+        split=np.empty(nodes),
+        box=np.empty((nodes, 2, d)),
+        count=np.empty(buckets, np.int32),
+        rows=np.empty((buckets, BUCKET), np.int32),
+        points=np.zeros((buckets, d, BUCKET)),
+        meta=np.zeros(5, np.int64),
+    )
+
+
+def empty(d):
+    """A tree without points in d dimensions: one leaf."""
+    tree = _allocated(d, 4)
+    tree.link[0], tree.count[0] = -1, 0
+    tree.box[0, 0], tree.box[0, 1] = np.inf, -np.inf
+    tree.meta[_NODES] = tree.meta[_BUCKETS] = 1
+    return tree
+
+
+def _grown(tree):
+    """The same tree with room for half as many buckets again."""
+    grown = _allocated(tree.box.shape[2], tree.count.shape[0] * 3 // 2)
+    for column, old in zip(grown, tree, strict=True):
+        column[: len(old)] = old
+    return grown
+
+
+def build(points):
+    """A tree over all rows of `points`, (n, d) float64, distinct.
+
+    They are inserted in random order (the same every time), which leaves the tree balanced and its boxes tight.
+    """
+    tree = empty(points.shape[1])
+    order = np.random.default_rng(0).permutation(len(points))
+    done = 0
+    while done < len(points):
+        if done:
+            tree = _grown(tree)
+        done = _insert_rows(tree, points, order, done)
+    tree.meta[_BUILT_DEPTH] = tree.meta[_DEPTH]
+    tree.meta[_CHANGES] = 0
+    return tree
+
+
+@njit(cache=True, nogil=True)
+def _insert_rows(tree, points, order, start):
+    """Insert rows in this order until there is no free bucket; returns how many are in."""
+    for i in range(start, order.shape[0]):
+        if tree.meta[_BUCKETS] == tree.count.shape[0]:
+            return i
+        _insert(tree, order[i], points[order[i]])
+    return order.shape[0]
+
+
+@njit(inline="always")
+def _make_leaf(link, box, count, node, bucket):
+    """An empty leaf: its box is inside out."""
+    link[node] = -1 - bucket
+    count[bucket] = 0
+    for j in range(box.shape[2]):
+        box[node, 0, j] = np.inf
+        box[node, 1, j] = -np.inf
+
+
+@njit(inline="always")
+def _widen(box, node, x):
+    for j in range(x.shape[0]):
+        if x[j] < box[node, 0, j]:
+            box[node, 0, j] = x[j]
+        if x[j] > box[node, 1, j]:
+            box[node, 1, j] = x[j]
+
+
+@njit(inline="always")
+def _put(tree, node, bucket, row, x):
+    """Append a point to a leaf that has room."""
+    slot = tree.count[bucket]
+    tree.rows[bucket, slot] = row
+    for j in range(x.shape[0]):
+        tree.points[bucket, j, slot] = x[j]
+    tree.count[bucket] = slot + 1
+    _widen(tree.box, node, x)
+
+
+@njit(cache=True, nogil=True)
+def _split_leaf(tree, node):
+    """Share the points of a full leaf between two new ones, in the middle of the axis along which they spread most.
+
+    Boxes become tight again. The leaf's bucket becomes the first child's.
+    """
+    bucket = -1 - tree.link[node]
+    other, first = tree.meta[_BUCKETS], tree.meta[_NODES]
+    rows, points = tree.rows[bucket].copy(), tree.points[bucket].copy()
+    axis, split, widest = 0, 0.0, -1.0
+    for j in range(points.shape[0]):
+        low, high = points[j, 0], points[j, 0]
+        for slot in range(1, BUCKET):
+            low, high = min(low, points[j, slot]), max(high, points[j, slot])
+        if high - low > widest:
+            middle = 0.5 * low + 0.5 * high
+            axis, widest = j, high - low
+            split = middle if middle > low else high  # so that neither side is empty, whatever the rounding
+    tree.meta[_BUCKETS] += 1
+    tree.meta[_NODES] += 2
+    _make_leaf(tree.link, tree.box, tree.count, first, bucket)
+    _make_leaf(tree.link, tree.box, tree.count, first + 1, other)
+    tree.link[node], tree.axis[node], tree.split[node] = first, axis, split
+    for slot in range(BUCKET):
+        below = points[axis, slot] < split
+        _put(tree, first if below else first + 1, bucket if below else other, rows[slot], points[:, slot])
+
+
+@njit(cache=True, nogil=True)
+def _insert(tree, row, x):
+    """Insert a point that equals none of those stored. There must be a free bucket."""
+    link, axis, split, box = tree.link, tree.axis, tree.split, tree.box
+    node, depth = 0, 0
+    while True:
+        if link[node] >= 0:
+            _widen(box, node, x)
+            node = link[node] if x[axis[node]] < split[node] else link[node] + 1
+            depth += 1
+        elif tree.count[-1 - link[node]] == BUCKET:
+            _split_leaf(tree, node)
+        else:
+            _put(tree, node, -1 - link[node], row, x)
+            break
+    tree.meta[_DEPTH] = max(tree.meta[_DEPTH], depth)
+    tree.meta[_CHANGES] += 1
+
+
+@njit(cache=True, nogil=True)
+def _remove(tree, row, x):
+    """Remove the point of this row, stored at x. Boxes stay as they are: too wide is still right."""
+    link, axis, split, rows = tree.link, tree.axis, tree.split, tree.rows
+    node = 0
+    while link[node] >= 0:
+        node = link[node] if x[axis[node]] < split[node] else link[node] + 1
+    bucket = -1 - link[node]
+    last = tree.count[bucket] - 1
+    slot = 0
+    while rows[bucket, slot] != row:
+        slot += 1
+    rows[bucket, slot] = rows[bucket, last]
+    for j in range(x.shape[0]):
+        tree.points[bucket, j, slot] = tree.points[bucket, j, last]
+    tree.count[bucket] = last
+
+
+@njit(inline="always")
+def _box_distance(box, node, x):
+    """Squared distance to the box of a node; see the module docstring for why it may be compared without a margin."""
+    total = 0.0
+    for j in range(x.shape[0]):
+        outside = max(max(box[node, 0, j] - x[j], x[j] - box[node, 1, j]), 0.0)
+        total += outside * outside
+    return total
+
+
+@njit(inline="always")
+def _bucket_distances(points, bucket, x, out):
+    """Squared distances to all slots of a bucket, the empty ones included: a fixed length vectorises."""
+    for slot in range(BUCKET):
+        out[slot] = 0.0
+    for j in range(x.shape[0]):
+        value = x[j]
+        for slot in range(BUCKET):
+            difference = points[bucket, j, slot] - value
+            out[slot] += difference * difference
+
+
+@njit(inline="always")
+def _descend(link, box, node, x, bound, stack, top):
+    """From a node to the nearest leaf, pushing the other children that may hold points within the bound."""
+    while link[node] >= 0:
+        near = link[node]
+        far = near + 1
+        to_near, to_far = _box_distance(box, near, x), _box_distance(box, far, x)
+        if to_far < to_near:
+            near, far = far, near
+            to_near, to_far = to_far, to_near
+        stack.node[top] = far
+        stack.distance[top] = to_far
+        top += to_far <= bound
+        node = near
+    return -1 - link[node], top
+
+
+class _Stack(NamedTuple):
+    node: np.ndarray
+    distance: np.ndarray
+
+
+class _Scratch(NamedTuple):
+    """Working memory of one caller."""
+
+    stack: _Stack  # nodes still to visit, with the squared distance to their boxes
+    distance: np.ndarray  # squared distances to the points of one bucket
+    other: np.ndarray  # the same, from another point
+    nearest: np.ndarray  # smallest squared distances so far
+    near: np.ndarray  # squared distances to the points near an individual,
+    near_other: np.ndarray  # and near the stored one it competes with
+    rank: np.ndarray
+    ranked: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def _scratch(k):
+    near = 4 * k + 2 * BUCKET
+    return _Scratch(
+        _Stack(np.empty(_DEPTH_LIMIT + 2, np.int64), np.empty(_DEPTH_LIMIT + 2, np.float64)),
+        np.empty(BUCKET, np.float64),
+        np.empty(BUCKET, np.float64),
+        np.empty(k, np.float64),
+        np.empty(near, np.float64),
+        np.empty(near, np.float64),
+        np.empty(near, np.int64),
+        np.empty(near, np.float64),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _two_nearest(tree, x, bound, scratch):
+    """Row of the nearest point within a squared distance below `bound` (-1: none), and the two smallest squared distances.
+
+    Of points equally near, the lowest row. Where there is no first or second, its distance is `bound`.
+    """
+    link, box, count, rows, points = tree.link, tree.box, tree.count, tree.rows, tree.points
+    stack, distances = scratch.stack, scratch.distance
+    row, first, second = -1, bound, bound
+    stack.node[0] = 0
+    stack.distance[0] = 0.0
+    top = 1
+    while top > 0:
+        top -= 1
+        if stack.distance[top] > second:
+            continue
+        bucket, top = _descend(link, box, stack.node[top], x, second, stack, top)
+        _bucket_distances(points, bucket, x, distances)
+        for slot in range(count[bucket]):
+            distance = distances[slot]
+            if distance > second:
+                continue
+            if distance < first or (distance == first and row >= 0 and rows[bucket, slot] < row):
+                second = first
+                first = distance
+                row = rows[bucket, slot]
+            elif distance < second:
+                second = distance
+    return row, first, second
+
+
+@njit(cache=True, nogil=True)
+def _novelty(tree, x, excluded, k, scratch):
+    """Mean distance from x to its k nearest points, one row left out, and the distance to the k-th.
+
+    With fewer than k points, the mean distance to those there are, and infinity. The mean of none is 0.
+    """
+    link, box, count, rows, points = tree.link, tree.box, tree.count, tree.rows, tree.points
+    stack, distances, nearest = scratch.stack, scratch.distance, scratch.nearest
+    found, bound = 0, np.inf
+    stack.node[0] = 0
+    stack.distance[0] = 0.0
+    top = 1
+    while top > 0:
+        top -= 1
+        if stack.distance[top] > bound:
+            continue
+        bucket, top = _descend(link, box, stack.node[top], x, bound, stack, top)
+        _bucket_distances(points, bucket, x, distances)
+        for slot in range(count[bucket]):
+            distance = distances[slot]
+            if (found == k and distance >= bound) or rows[bucket, slot] == excluded:
+                continue
+            place = min(found, k - 1)
+            found = min(found + 1, k)
+            while place > 0 and nearest[place - 1] > distance:
+                nearest[place] = nearest[place - 1]
+                place -= 1
+            nearest[place] = distance
+            if found == k:
+                bound = nearest[k - 1]
+    total = 0.0
+    for i in range(found):
+        total += np.sqrt(nearest[i])
+    return total / max(found, 1), np.sqrt(bound)
+
+
+@njit(cache=True, nogil=True)
+def _mean_of_smallest(squared, n, k, scratch):
+    """Mean of the roots of the k smallest of n values, summed in ascending order, and the largest of those roots.
+
+    Ranks instead of sorting: for some twenty values it takes half the time, having no branch to mispredict.
+    """
+    rank, ranked = scratch.rank, scratch.ranked
+    for i in range(n):
+        value, above = squared[i], 0
+        for j in range(i):
+            smaller = value < squared[j]
+            rank[j] += smaller
+            above += 1 - smaller
+        rank[i] = above
+    for i in range(n):
+        ranked[rank[i]] = squared[i]
+    total = 0.0
+    for i in range(k):
+        total += np.sqrt(ranked[i])
+    return total / k, np.sqrt(ranked[k - 1])
+
+
+@njit(cache=True, nogil=True)
+def _near_both(tree, x, y, excluded, radius, reach, scratch):
+    """Squared distances below `radius` from x and below `reach` from y into scratch, one row left out; how many of each.
+
+    One walk serves both when the ball around y lies in the ball around x. Stops, and says -1, when they do not fit.
+    """
+    link, box, count, rows, points = tree.link, tree.box, tree.count, tree.rows, tree.points
+    stack, from_x, from_y = scratch.stack, scratch.distance, scratch.other
+    near_x, near_y = scratch.near, scratch.near_other
+    n_x = n_y = 0
+    stack.node[0] = 0
+    top = 1
+    while top > 0:
+        bucket, top = _descend(link, box, stack.node[top - 1], x, radius, stack, top - 1)
+        if max(n_x, n_y) + BUCKET > near_x.shape[0]:
+            return -1, -1
+        _bucket_distances(points, bucket, x, from_x)
+        _bucket_distances(points, bucket, y, from_y)
+        for slot in range(count[bucket]):
+            included = rows[bucket, slot] != excluded
+            near_x[n_x] = from_x[slot]
+            near_y[n_y] = from_y[slot]
+            n_x += included & (from_x[slot] <= radius)
+            n_y += included & (from_y[slot] <= reach)
+    return n_x, n_y
+
+
+@njit(cache=True, nogil=True)
+def _competing_novelties(tree, x, y, row, distance, size, reach, k, scratch):
+    """Novelty of x and of the stored y at this row, `distance` away, both without y.
+
+    `reach[row]` remembers how far the k nearest of y were last time. If that ball still holds k points, then the ball around
+    x that encloses it holds the k nearest of x, and one walk answers for both. It is a guess that costs only time when it
+    fails. In more than three dimensions the enclosing ball is too large for it to pay.
+    """
+    wanted = min(k, size - 1)
+    if reach[row] > 0 and x.shape[0] <= 3:
+        outer = (reach[row] + distance) * (1 + 1e-9)
+        n_x, n_y = _near_both(tree, x, y, row, outer * outer, reach[row] * reach[row] * (1 + 1e-9), scratch)
+        if n_x >= wanted and n_y >= wanted:
+            novelty, kth = _mean_of_smallest(scratch.near, n_x, wanted, scratch)
+            stored_novelty, reach[row] = _mean_of_smallest(scratch.near_other, n_y, wanted, scratch)
+            return novelty, kth, stored_novelty
+    novelty, kth = _novelty(tree, x, row, k, scratch)
+    stored_novelty, reach[row] = _novelty(tree, y, row, k, scratch)
+    return novelty, kth, stored_novelty
+
+
+class Rule(NamedTuple):
+    """Parameters of the addition rule: see `auroraqd.UnstructuredArchive`."""
+
+    l: float
+    k: int
+    epsilon: float
+    elitist: bool
+    capacity: int
+
+
+class Batch(NamedTuple):
+    """Individuals to add.
+
+    Attributes:
+        descriptor: (n, d) float64.
+        fitness: (n,) float64.
+        status: (n,) int8, set: 0 rejected, 1 new, 2 replaced another. A row that holds -1 is skipped.
+        target: (n,) int64, set: the row of the archive an individual was stored in, -1 when it was not.
+    """
+
+    descriptor: np.ndarray
+    fitness: np.ndarray
+    status: np.ndarray
+    target: np.ndarray
+
+
+class Stored(NamedTuple):
+    """The columns of an archive that decide an addition, with room to grow.
+
+    Attributes:
+        descriptor: (capacity, d) float64.
+        fitness: (capacity,) float64.
+        reach: (capacity,) float64. See `_competing_novelties`; 0 where nothing is known.
+    """
+
+    descriptor: np.ndarray
+    fitness: np.ndarray
+    reach: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def replaces(fitness, novelty, stored_fitness, stored_novelty, epsilon, elitist):
+    """Whether an individual replaces the stored one it competes with.
+
+    Exclusive epsilon-dominance on (fitness, novelty) [1, Sec. "Container"], or, `elitist`, the higher fitness, and novelty
+    between equals. Individuals of equal fitness compare novelty alone, whatever the value of that fitness: with a constant
+    fitness of 0 the third condition would read 0 > 0, and nothing would ever be replaced.
+
+    [1] A. Cully, Y. Demiris, Quality and Diversity Optimization: A Unifying Modular Framework, IEEE TEVC 2018.
+    """
+    if abs(novelty - stored_novelty) <= NOVELTY_MARGIN * stored_novelty:
+        novelty = stored_novelty
+    if fitness == stored_fitness:
+        return novelty > stored_novelty
+    if elitist:
+        return fitness > stored_fitness
+    if fitness < (1 - np.sign(stored_fitness) * epsilon) * stored_fitness:
+        return False
+    if novelty < (1 - epsilon) * stored_novelty:
+        return False
+    return (fitness - stored_fitness) * stored_novelty > -(novelty - stored_novelty) * abs(stored_fitness)
+
+
+def room(d, rows):
+    """Columns with this much room."""
+    return Stored(np.empty((rows, d)), np.empty(rows), np.empty(rows))
+
+
+def more_room(stored, size, rows):
+    """The same first `size` individuals, with room for `rows` more and for growth by half."""
+    grown = room(stored.descriptor.shape[1], max(size + rows, size + size // 2))
+    for column, old in zip(grown, stored, strict=True):
+        column[:size] = old[:size]
+    return grown
+
+
+@njit(cache=True, nogil=True)
+def _verdict(tree, x, fitness, stored, size, rule, scratch):
+    """Status of one individual (0 rejected, 1 new, 2 replaces) and the row it goes to."""
+    row, first, second = _two_nearest(tree, x, rule.l * rule.l * (1 + 1e-12) + 1e-300, scratch)
+    distance = np.sqrt(first)
+    if row < 0 or distance > rule.l:
+        return (1, size) if size < rule.capacity else (0, -1)
+    stored_fitness = stored.fitness[row]
+    if size == 1:  # no second neighbour, no novelty: only a better fitness could decide, and the paper's rule rejects
+        return (2, row) if rule.elitist and fitness > stored_fitness else (0, -1)
+    # A distance of 0 to two stored points happens only by underflow; rejecting keeps the stored points distinct.
+    if second == 0 or np.sqrt(second) < (1 - rule.epsilon) * rule.l:
+        return 0, -1
+    novelty = kth = stored_novelty = 0.0
+    if fitness == stored_fitness or not rule.elitist:
+        novelty, kth, stored_novelty = _competing_novelties(
+            tree, x, stored.descriptor[row], row, distance, size, stored.reach, rule.k, scratch
+        )
+    if replaces(fitness, novelty, stored_fitness, stored_novelty, rule.epsilon, rule.elitist):
+        stored.reach[row] = kth
+        return 2, row
+    return 0, -1
+
+
+@njit(inline="always")
+def _wants_rebuild(meta, size):
+    """Whether a build would pay: boxes are wide after many replacements, or the tree is deep after one-sided growth."""
+    if meta[_CHANGES] > 2 * size + 1000 or meta[_DEPTH] >= _DEPTH_LIMIT:
+        return True
+    return meta[_DEPTH] > 2 * meta[_BUILT_DEPTH] + 16 and 16 * meta[_CHANGES] > size + 16000
+
+
+@njit(cache=True, nogil=True)
+def _add(tree, start, batch, stored, size, rule):
+    """Add the individuals from `start` on, until the tree has no free bucket or wants a build.
+
+    Returns the first individual not yet considered, and the number of individuals stored.
+    """
+    scratch = _scratch(rule.k)
+    for i in range(start, batch.descriptor.shape[0]):
+        if tree.meta[_BUCKETS] == tree.count.shape[0] or _wants_rebuild(tree.meta, size):
+            return i, size
+        batch.target[i] = -1
+        if batch.status[i] < 0:
+            continue
+        x = batch.descriptor[i]
+        batch.status[i], row = _verdict(tree, x, batch.fitness[i], stored, size, rule, scratch)
+        if row < 0:
+            continue
+        batch.target[i] = row
+        if batch.status[i] == 2:
+            _remove(tree, row, stored.descriptor[row])
+        else:
+            stored.reach[row] = 0.0
+            size += 1
+        stored.descriptor[row] = x
+        stored.fitness[row] = batch.fitness[i]
+        _insert(tree, row, x)
+    return batch.descriptor.shape[0], size
+
+
+def add(tree, batch, stored, size, rule):
+    """Add individuals one at a time, in order, each to an archive that holds the ones before it.
+
+    Args:
+        tree: over the first `size` rows of `stored`.
+        batch: n individuals; their status and target are set.
+        stored: room for `size + n` individuals; changed.
+        size: individuals stored.
+        rule: how they compete.
+
+    Returns:
+        The tree, and the number of individuals stored after.
+    """
+    done = 0
+    while True:
+        done, size = _add(tree, done, batch, stored, size, rule)
+        if done == len(batch.descriptor):
+            return tree, size
+        if tree.meta[_BUCKETS] == tree.count.shape[0]:
+            tree = _grown(tree)
+        else:
+            tree = build(stored.descriptor[:size])
+
+
+@njit(cache=True, nogil=True)
+def novelties(tree, descriptor, excluded, k):
+    """Mean distance of each row of `descriptor`, (n, d), to its k nearest points, one row each left out (-1: none)."""
+    scratch = _scratch(k)
+    out = np.empty(descriptor.shape[0], np.float64)
+    for i in range(descriptor.shape[0]):
+        out[i] = _novelty(tree, descriptor[i], excluded[i], k, scratch)
+    return out

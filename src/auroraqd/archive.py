@@ -1,0 +1,385 @@
+"""Archives: where a Quality-Diversity algorithm keeps what it found.
+
+An archive (container) decides which individuals are different or good enough to stay. `Archive` is what every archive
+promises; `UnstructuredArchive` is the container of Novelty Search with Local Competition that the AURORA paper uses.
+
+Fitness is maximised. Columns share their rows: row i of `genotype`, `fitness`, ... is one individual.
+"""
+
+import warnings
+from abc import ABC, abstractmethod
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auroraqd import _neighbours
+from auroraqd.population import Population
+
+REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
+"""The status of an individual after `Archive.add`."""
+
+_STORED_CREDIT, _UNSTORED_CREDIT = 1.0, -0.5  # curiosity score [Cully & Demiris, IEEE TEVC 2018]
+
+
+class Archive(ABC):
+    """What every archive promises: columns, `add`, `redescribe` and `credit`.
+
+    Columns are read-only views of the individuals stored now, an individual a row; take a copy to keep one:
+    `genotype` (n, n_genes), `fitness` (n,), `observation` (n, ...), `descriptor` (n, d), `ground_truth` (n, ...) or None,
+    `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64. An id is never given twice.
+
+    A new kind of archive provides `_place`, which decides, and `_clear`, which forgets.
+    """
+
+    def __init__(self) -> None:
+        self._population = Population()
+        self._next_id = 0
+        self._row_of_id: dict[int, int] | None = None  # built by the first `credit` after a change of all rows
+
+    @abstractmethod
+    def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
+        """Decide on individuals one at a time, in order, and remember those that are stored.
+
+        Args:
+            descriptor: (n, d) float64, finite where `status` is not INVALID.
+            fitness: (n,) float64, likewise.
+            status: (n,) int8, to be set to REJECTED, NEW or REPLACED, except where it is INVALID.
+
+        Returns:
+            (n,) int64: the row an individual is stored in, -1 when it is not. A new one takes the next free row.
+        """
+
+    @abstractmethod
+    def _clear(self) -> None:
+        """Forget all individuals."""
+
+    def __len__(self) -> int:
+        return len(self._population)
+
+    def _column(self, name: str, row_shape: tuple[int, ...] = ()) -> np.ndarray:
+        return self._population[name] if name in self._population else np.empty((0, *row_shape))
+
+    def _optional_column(self, name: str) -> np.ndarray | None:
+        return self._population[name] if name in self._population else None
+
+    @property
+    def genotype(self) -> np.ndarray:
+        """(n, n_genes) float64: controller parameters."""
+        return self._column("genotype", (0,))
+
+    @property
+    def fitness(self) -> np.ndarray:
+        """(n,) float64: quality, larger is better."""
+        return self._column("fitness")
+
+    @property
+    def observation(self) -> np.ndarray:
+        """(n, ...), in the shape and dtype of the task: sensory data."""
+        return self._column("observation", (0,))
+
+    @property
+    def descriptor(self) -> np.ndarray:
+        """(n, d) float64: behavioural descriptor."""
+        return self._column("descriptor", (0,))
+
+    @property
+    def ground_truth(self) -> np.ndarray | None:
+        """(n, ...): what the task knows about the behaviour, or None when it does not tell."""
+        return self._optional_column("ground_truth")
+
+    @property
+    def reconstruction_error(self) -> np.ndarray | None:
+        """(n,) float64: root mean square error of the observation reconstructed from its descriptor, or None."""
+        return self._optional_column("reconstruction_error")
+
+    @property
+    def curiosity(self) -> np.ndarray:
+        """(n,) float64: how often offspring was stored (+1) or not (-0.5)."""
+        return self._column("curiosity")
+
+    @property
+    def id(self) -> np.ndarray:
+        """(n,) int64: unique, in the order in which individuals were stored."""
+        return self._population["id"] if "id" in self._population else np.empty(0, np.int64)
+
+    def add(
+        self,
+        genotype: ArrayLike,
+        fitness: ArrayLike,
+        observation: ArrayLike,
+        descriptor: ArrayLike,
+        *,
+        ground_truth: ArrayLike | None = None,
+        reconstruction_error: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Add individuals one at a time, in order, each to an archive that holds the ones before it.
+
+        Args:
+            genotype: (n, n_genes), finite.
+            fitness: (n,).
+            observation: (n, ...), numbers.
+            descriptor: (n, d).
+            ground_truth: (n, ...), if known. Given either always or never.
+            reconstruction_error: (n,), if known. Given either always or never.
+
+        Returns:
+            (n,) int8, the status of each: 0 rejected, 1 new, 2 replaced another, -1 invalid (a NaN or an infinity in
+            fitness, observation or descriptor).
+
+        Raises:
+            ValueError: an argument has the wrong shape or dtype; the archive is unchanged.
+        """
+        batch = {
+            "genotype": _numbers("genotype", genotype, 2, np.float64),
+            "fitness": _numbers("fitness", fitness, 1, np.float64),
+            "observation": _numbers("observation", observation),
+            "descriptor": _numbers("descriptor", descriptor, 2, np.float64),
+        }
+        if ground_truth is not None:
+            batch["ground_truth"] = _numbers("ground_truth", ground_truth)
+        if reconstruction_error is not None:
+            batch["reconstruction_error"] = _numbers("reconstruction_error", reconstruction_error, 1, np.float64)
+        del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error
+        self._check(batch)
+        n = len(batch["genotype"])
+        status = np.full(n, REJECTED, np.int8)
+        for name in ("fitness", "observation", "descriptor"):
+            status[~finite_rows(batch[name])] = INVALID
+        if n == 0:
+            return status
+        if len(self) == 0:
+            self._clear()
+            self._population.define({**batch, "curiosity": np.empty(0), "id": np.empty(0, np.int64)})
+        target = self._place(batch["descriptor"], batch["fitness"], status)
+        stored = np.flatnonzero(target >= 0)
+        target = target[stored]
+        batch = {name: rows[stored] for name, rows in batch.items()}
+        batch["curiosity"] = np.zeros(len(stored))
+        batch["id"] = np.arange(self._next_id, self._next_id + len(stored))
+        self._next_id += len(stored)
+        self._write(target, batch, size=len(self) + np.count_nonzero(status == NEW))
+        return status
+
+    def _write(self, target: np.ndarray, batch: dict[str, np.ndarray], size: int) -> None:
+        if self._row_of_id is not None:
+            replaced = target[target < len(self)]
+            for old in self._population["id"][replaced].tolist():
+                self._row_of_id.pop(old, None)
+            for new, row in zip(batch["id"].tolist(), target.tolist(), strict=True):
+                self._row_of_id[new] = row
+        self._population.reserve(size)
+        self._population.write(target, batch)
+        self._population.resize(size)
+
+    def _check(self, batch: dict[str, np.ndarray]) -> None:
+        """Raise ValueError unless these columns can be added."""
+        n = len(batch["genotype"])
+        for name, rows in batch.items():
+            if len(rows) != n:
+                raise ValueError(f"{name} must have {n} rows, as genotype has, got shape {rows.shape}")
+        if not np.isfinite(batch["genotype"]).all():
+            raise ValueError("genotype must be finite, got a NaN or an infinity")
+        if len(self) == 0:
+            return
+        for name in ("ground_truth", "reconstruction_error"):
+            if (name in batch) != (name in self._population):
+                wanted = "be given, as for" if name in self._population else "not be given, as it was not for"
+                raise ValueError(f"{name} must {wanted} the individuals added before")
+        for name, rows in batch.items():
+            known = self._population.raw(name)
+            if rows.shape[1:] != known.shape[1:]:
+                raise ValueError(f"{name} must have shape {('n', *known.shape[1:])}, as before, got {rows.shape}")
+            if not np.can_cast(rows.dtype, known.dtype, "same_kind"):
+                raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
+
+    def redescribe(self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None) -> None:
+        """Give every individual a new descriptor and add all again, oldest first (paper, Sec. "AURORA").
+
+        Individuals that have become alike compete, so the archive may shrink. Ids and curiosity stay.
+
+        Args:
+            descriptor: (n, any d), one for each row.
+            reconstruction_error: (n,), likewise. None: the column is dropped.
+
+        Raises:
+            ValueError: wrong shape, or a NaN or infinity; the archive is unchanged.
+        """
+        size = len(self)
+        new = {"descriptor": _numbers("descriptor", descriptor, 2, np.float64)}
+        if reconstruction_error is not None:
+            new["reconstruction_error"] = _numbers("reconstruction_error", reconstruction_error, 1, np.float64)
+        for name, rows in new.items():
+            if len(rows) != size:
+                raise ValueError(f"{name} must have {size} rows, one for each individual stored, got shape {rows.shape}")
+        if not np.isfinite(new["descriptor"]).all():
+            raise ValueError("descriptor must be finite, got a NaN or an infinity")
+        self._clear()
+        if size == 0:
+            return
+        order = np.argsort(self.id)
+        status = np.full(size, REJECTED, np.int8)
+        target = self._place(new["descriptor"][order], self.fitness[order], status)
+        kept = target >= 0
+        source = np.empty(np.count_nonzero(status == NEW), np.int64)
+        source[target[kept]] = order[kept]  # the last to be stored in a row is who is there
+        self._population.gather(source)
+        self._population.drop("reconstruction_error")
+        for name, rows in new.items():
+            self._population.set(name, rows[source])
+        self._row_of_id = None
+
+    def credit(self, parent_ids: ArrayLike, status: ArrayLike) -> None:
+        """Update curiosity: a parent gains 1 for each child that was stored and loses 0.5 for each that was not.
+
+        Args:
+            parent_ids: (n,) ids; those no longer stored (replaced meanwhile), and -1, are passed over.
+            status: (n,) what `add` returned for the children.
+        """
+        if len(self) == 0:
+            return
+        if self._row_of_id is None:
+            self._row_of_id = dict(zip(self.id.tolist(), range(len(self)), strict=True))
+        find = self._row_of_id.get
+        rows = np.array([find(parent, -1) for parent in np.asarray(parent_ids).tolist()], np.int64)
+        score = np.where(np.asarray(status) > REJECTED, _STORED_CREDIT, _UNSTORED_CREDIT)
+        alive = rows >= 0
+        np.add.at(self._population.raw("curiosity"), rows[alive], score[alive])
+
+
+class UnstructuredArchive(Archive):
+    """An archive without cells: an individual is new when its descriptor is farther than l from all others.
+
+    The rule, for one individual at a time, with d1 and d2 the distances to its nearest and second nearest [1]:
+
+    - d1 > l, or nothing stored: it is added;
+    - d2 < (1 - epsilon) l: it is rejected, for it would crowd a second neighbour;
+    - otherwise it competes with the nearest for its place.
+
+    So at fixed l no two stored are closer than (1 - epsilon) l. Novelty is the mean distance to the k nearest, the nearest
+    itself left out for both. `competition` is "dominance", the exclusive epsilon-dominance on (fitness, novelty) of [1], which
+    the AURORA paper uses; or "elitist", where the fitter stays and novelty decides between equals.
+
+    [1] A. Cully, Y. Demiris, Quality and Diversity Optimization: A Unifying Modular Framework, IEEE TEVC 2018.
+
+    Args:
+        l: distance threshold, in units of the descriptor. 0 keeps every descriptor that differs. `Aurora` sets it.
+        k: neighbours that make up the novelty.
+        epsilon: tolerance of the rule, from 0 to below 1.
+        competition: "dominance" or "elitist".
+        capacity: the most individuals to store; beyond it new ones are rejected, and replacement goes on. None: no limit.
+    """
+
+    def __init__(
+        self,
+        *,
+        l: float = 0.0,
+        k: int = 15,
+        epsilon: float = 0.1,
+        competition: Literal["dominance", "elitist"] = "dominance",
+        capacity: int | None = None,
+    ) -> None:
+        super().__init__()
+        if int(k) != k or k < 1:
+            raise ValueError(f"k must be a whole number, 1 or more, got {k}")
+        if not 0 <= epsilon < 1:
+            raise ValueError(f"epsilon must be at least 0 and below 1, got {epsilon}")
+        if competition not in ("dominance", "elitist"):
+            raise ValueError(f"competition must be 'dominance' or 'elitist', got {competition!r}")
+        if capacity is not None and (int(capacity) != capacity or capacity < 1):
+            raise ValueError(f"capacity must be a whole number, 1 or more, or None, got {capacity}")
+        self.k = int(k)
+        self.epsilon = float(epsilon)
+        self.competition = competition
+        self.capacity = None if capacity is None else int(capacity)
+        self._l = _threshold(l)
+        self._clear()
+
+    def __repr__(self) -> str:
+        return (
+            f"UnstructuredArchive(l={self.l:.6g}, k={self.k}, epsilon={self.epsilon}, competition={self.competition!r}, "
+            f"capacity={self.capacity}): {len(self)} individuals"
+        )
+
+    @property
+    def l(self) -> float:
+        """Distance threshold. Setting it on a filled archive adds all again, oldest first."""
+        return self._l
+
+    @l.setter
+    def l(self, value: float) -> None:
+        self._l = _threshold(value)
+        if len(self):
+            self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error)
+
+    def redescribe(
+        self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, l: float | None = None
+    ) -> None:
+        """As `Archive.redescribe`, with a new l if one is given."""
+        if l is not None:
+            l = _threshold(l)
+            previous, self._l = self._l, l
+        try:
+            super().redescribe(descriptor, reconstruction_error=reconstruction_error)
+        except ValueError:
+            if l is not None:
+                self._l = previous
+            raise
+
+    def novelty(self) -> np.ndarray:
+        """(n,) float64: mean distance of each individual to its k nearest, itself left out."""
+        if len(self) == 0:
+            return np.empty(0)
+        return _neighbours.novelties(self._tree, self.descriptor, np.arange(len(self)), self.k)
+
+    def _clear(self) -> None:
+        self._tree = None
+        self._stored = None
+        self._placed = 0
+
+    def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
+        n, d = descriptor.shape
+        if self._tree is None:
+            self._tree = _neighbours.empty(d)
+            self._stored = _neighbours.room(d, n)
+        elif len(self._stored.fitness) < self._placed + n:
+            self._stored = _neighbours.more_room(self._stored, self._placed, n)
+        batch = _neighbours.Batch(
+            np.ascontiguousarray(descriptor), np.ascontiguousarray(fitness), status, np.empty(n, np.int64)
+        )
+        capacity = np.iinfo(np.int32).max if self.capacity is None else self.capacity
+        rule = _neighbours.Rule(self._l, self.k, self.epsilon, self.competition == "elitist", capacity)
+        was_full = self._placed >= capacity
+        self._tree, self._placed = _neighbours.add(self._tree, batch, self._stored, self._placed, rule)
+        if self._placed >= capacity and not was_full:
+            warnings.warn(f"the archive is full ({capacity} individuals): new ones are rejected", stacklevel=3)
+        return batch.target
+
+
+def _threshold(l: float) -> float:
+    if not (np.isscalar(l) and np.isfinite(l) and l >= 0):
+        raise ValueError(f"l must be a finite number, 0 or more, got {l}")
+    return float(l)
+
+
+def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type | None = None) -> np.ndarray:
+    """The values as an array of numbers, with this many axes (None: one or more) and this dtype (None: as it is)."""
+    try:
+        array = np.asarray(values, dtype)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be an array of numbers with rows of one shape") from None
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be an array of numbers, got dtype {array.dtype}")
+    if array.ndim == 0 or ndim not in (None, array.ndim):
+        wanted = {None: "(n, ...)", 1: "(n,)", 2: "(n, columns)"}[ndim]
+        raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
+    return array
+
+
+def finite_rows(rows: np.ndarray) -> np.ndarray:
+    """(n,) bool: which rows of (n, ...) hold neither a NaN nor an infinity."""
+    if rows.dtype.kind != "f":
+        return np.ones(len(rows), bool)
+    if np.isfinite(rows.sum()):  # the common case, in one pass: no sum of finite numbers comes from a NaN or an infinity
+        return np.ones(len(rows), bool)
+    return np.isfinite(rows).reshape(len(rows), -1).all(axis=1)

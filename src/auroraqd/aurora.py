@@ -1,0 +1,411 @@
+"""AURORA: AUtonomous RObots that Realize their Abilities.
+
+Quality-Diversity search whose behavioural descriptor is learned from the sensory data of what has been found so far [1].
+
+[1] A. Cully, Autonomous skill discovery with Quality-Diversity and Unsupervised Descriptors, GECCO 2019.
+"""
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, finite_rows
+from auroraqd.descriptor import Descriptor, Transformer
+from auroraqd.history import History, Record
+from auroraqd.resolution import VAT
+from auroraqd.schedule import Doubling
+from auroraqd.selection import Curiosity
+from auroraqd.tasks import Evaluation, TaskError, checked, evaluated, name_of
+from auroraqd.variation import Polynomial
+
+_STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
+_PATIENCE = 10  # generations without one valid individual before `run` gives up
+
+
+class _Pending(NamedTuple):
+    """A batch that was asked for and not told."""
+
+    genotype: np.ndarray  # (n, n_genes)
+    parent_id: np.ndarray  # (n,) int64, -1 for those without a parent
+    since: float
+
+
+class Aurora:
+    """The loop of AURORA, and the one owner of its state.
+
+    Args:
+        n_genes: parameters of a controller; genes are in [0, 1].
+        descriptor: any object with scikit-learn's `fit` and `transform`, which is copied; or "hand-coded" (the task's ground
+            truth), or "genotype". What it reads has each channel scaled to [-1, 1] and is flattened to (n, features).
+        seed: of all that is random. None: unpredictable.
+        batch_size: individuals a generation.
+        archive: empty, or filled by an earlier run. Default: `UnstructuredArchive()`.
+        selection, variation: how parents are chosen and offspring made.
+        resolution: gives l after each update of an unstructured archive; None leaves l alone.
+        schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
+            descriptor that is not learned is updated likewise, without the refit.
+        prior: observations, (n, ...), on which the descriptor is fitted once, now; it is then never refitted.
+
+    Attributes:
+        archive: what has been found.
+        generation: generations done.
+        evaluations: individuals told.
+        history: a `Record` for each generation.
+
+    Raises:
+        TypeError, ValueError: an argument is of the wrong kind or out of range.
+    """
+
+    def __init__(
+        self,
+        n_genes: int,
+        descriptor: "str | Transformer",
+        *,
+        seed: int | None = None,
+        batch_size: int = 200,
+        archive: Archive | None = None,
+        selection: Callable[[Archive, int, np.random.Generator], np.ndarray] = Curiosity(),
+        variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = Polynomial(),
+        resolution: Callable[[np.ndarray], float] | None = VAT(),
+        schedule: Callable[[int], bool] = Doubling(),
+        prior: ArrayLike | None = None,
+    ) -> None:
+        self.n_genes = _whole("n_genes", n_genes)
+        self.batch_size = _whole("batch_size", batch_size)
+        for name, value in (("selection", selection), ("variation", variation), ("schedule", schedule)):
+            _check_callable(name, value)
+        if resolution is not None:
+            _check_callable("resolution", resolution)
+        if archive is not None and not isinstance(archive, Archive):
+            raise TypeError(f"archive must be an archive of auroraqd, got {archive!r}")
+        self.archive = UnstructuredArchive() if archive is None else archive
+        self.selection = selection
+        self.variation = variation
+        self.resolution = resolution if hasattr(self.archive, "l") else None
+        self.schedule = schedule
+        self.generation = 0
+        self.evaluations = 0
+        self.history = History()
+        self._rng = np.random.default_rng(seed)
+        self._descriptor = Descriptor.checked(descriptor, self._rng)
+        self._refits = self._descriptor.learned and prior is None
+        if prior is not None:
+            if not self._descriptor.learned:
+                raise ValueError(f"prior is for descriptors that are learned, not for {descriptor!r}")
+            self._descriptor = self._descriptor.refitted(np.asarray(prior))
+        self._waiting: _Batch | None = None  # individuals told before there were enough for a first fit
+        self._update_due = False  # an update was scheduled when there was nothing to update on
+        self._pending: _Pending | None = None
+        self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
+        self._seconds = 0.0
+
+    def __repr__(self) -> str:
+        return f"Aurora(generation={self.generation}, evaluations={self.evaluations}, archive={self.archive!r})"
+
+    @property
+    def descriptor(self) -> Descriptor:
+        """The descriptor as it is now, with its transformer in `source` once fitted."""
+        return self._descriptor
+
+    def describe(self, observation: ArrayLike) -> np.ndarray:
+        """Descriptors of observations, (n, ...) to (n, d), by the learned descriptor as it is now.
+
+        Raises:
+            RuntimeError: the descriptor is not learned, or not yet.
+        """
+        return self._descriptor.describe_observation(np.asarray(observation))
+
+    def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray:
+        """The next batch to evaluate, (n, n_genes) in [0, 1]: random while nothing is stored, then offspring.
+
+        Args:
+            genotypes: (n, n_genes) in [0, 1], to evaluate these, known controllers for instance, and no others.
+
+        Raises:
+            RuntimeError: the last batch has not been told.
+            ValueError: genotypes has the wrong shape or leaves [0, 1].
+        """
+        if self._pending is not None:
+            raise RuntimeError("ask was called twice: first tell the fitness and observation of the batch asked for before")
+        since = time.perf_counter()
+        if genotypes is not None:
+            children = self._checked_genotypes(genotypes)
+            parent_id = np.full(len(children), -1)
+        elif len(self.archive) == 0:
+            children = self._rng.random((self.batch_size, self.n_genes))
+            parent_id = np.full(self.batch_size, -1)
+        else:
+            children, parent_id = self._offspring()
+        self._pending = _Pending(children, parent_id, since)
+        return children.copy()
+
+    def tell(self, fitness: ArrayLike, observation: ArrayLike, ground_truth: ArrayLike | None = None) -> np.ndarray:
+        """What the batch asked for did, row by row.
+
+        Rows with a NaN or an infinity in fitness or observation are invalid: never stored, their parents debited. That is
+        also how to report a crash.
+
+        Args:
+            fitness: (n,), larger is better; a constant for pure exploration.
+            observation: (n, ...), the sensory data, in any shape.
+            ground_truth: (n, ...), if known.
+
+        Returns:
+            (n,) int8, the status of each: 0 rejected, 1 new, 2 replaced another, -1 invalid. While there are too few
+            individuals for the first fit of the descriptor they wait, and are reported as rejected.
+
+        Raises:
+            RuntimeError: nothing was asked for.
+            ValueError: wrong shape or number of rows. The batch can be told again; nothing else has changed.
+        """
+        if self._pending is None:
+            raise RuntimeError("tell was called before ask: there is no batch to tell about")
+        evaluation = checked(Evaluation(fitness, observation, ground_truth), len(self._pending.genotype))
+        self._check_as_before(evaluation)
+        with _uninterrupted():
+            return self._told(self._pending, evaluation)
+
+    def run(
+        self,
+        task: Callable[[np.ndarray], Any],
+        *,
+        generations: int | None = None,
+        evaluations: int | None = None,
+        seconds: float | None = None,
+        initial: ArrayLike | None = None,
+        callback: "Callable[[Aurora], Any] | None" = None,
+    ) -> "Aurora":
+        """Evaluate generations on a task until a budget is used up. Called again, it goes on.
+
+        It can be interrupted (Ctrl-C) at any time: what was found stays, and the next call goes on with the generation that
+        was under way.
+
+        Args:
+            task: from genotypes (n, n_genes) to an `Evaluation`, or to a tuple of fitness, observation and, if known, ground
+                truth.
+            generations, evaluations, seconds: the budgets of this call, at least one of them; the first to be used up
+                ends it, at the end of a generation.
+            initial: (m, n_genes) in [0, 1], known controllers, evaluated first. While nothing is stored, random ones fill
+                the batch up.
+            callback: called with this object after each generation; the run stops when it returns True.
+
+        Raises:
+            TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
+            ValueError: no budget, or a negative one.
+        """
+        budget = _Budget(self, generations, evaluations, seconds)
+        if initial is not None and self._pending is None:
+            known = self._checked_genotypes(initial)
+            if len(self.archive) == 0:
+                missing = max(self.batch_size - len(known), 0)
+                known = np.vstack([known, self._rng.random((missing, self.n_genes))])
+            self.ask(known)
+        while not budget.used_up():
+            genotypes = self.ask() if self._pending is None else self._pending.genotype.copy()
+            evaluation = evaluated(task, genotypes, self.generation)
+            try:
+                self.tell(*evaluation)
+            except ValueError as error:
+                raise TaskError(f"task {name_of(task)} at generation {self.generation}: {error}") from error
+            self._check_progress(task)
+            if callback is not None and callback(self) is True:
+                break
+        return self
+
+    def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
+        children = np.array(genotypes, np.float64)
+        if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
+            raise ValueError(f"genotypes must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
+        if not ((children >= 0) & (children <= 1)).all():
+            raise ValueError("genotypes must be in [0, 1]")
+        return children
+
+    def _check_as_before(self, evaluation: Evaluation) -> None:
+        """Raise ValueError when the columns do not match those of the individuals told before."""
+        before = self._waiting if self._waiting is not None else self.archive if len(self.archive) else None
+        if before is None:
+            return
+        if (evaluation.ground_truth is None) != (before.ground_truth is None):
+            raise ValueError("ground_truth must be given for every generation or for none")
+        for name in ("observation", "ground_truth"):
+            known, told = getattr(before, name), getattr(evaluation, name)
+            if known is not None and known.shape[1:] != told.shape[1:]:
+                raise ValueError(f"{name} must have shape {('n', *known.shape[1:])}, as before, got {told.shape}")
+
+    def _offspring(self) -> tuple[np.ndarray, np.ndarray]:
+        n_parents = getattr(self.variation, "n_parents", 1)
+        rows = self.selection(self.archive, self.batch_size * n_parents, self._rng)
+        if n_parents > 1:
+            rows = rows.reshape(self.batch_size, n_parents)
+        children = self._checked_genotypes(self.variation(self.archive.genotype[rows], self._rng))
+        return children, self.archive.id[rows if n_parents == 1 else rows[:, 0]]
+
+    def _told(self, pending: _Pending, evaluation: Evaluation) -> np.ndarray:
+        """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
+        batch = _Batch(pending.genotype, pending.parent_id, *evaluation)
+        if self._waiting is not None:
+            batch = self._waiting.joined(batch)
+        valid = batch.valid
+        update = self._update_due or self.schedule(self.generation)
+        if self._descriptor.ready or np.count_nonzero(valid) >= self._descriptor.rows_to_fit:
+            status = self._place(batch, valid, update)
+            self._update_due = update and not valid.any() and len(self.archive) == 0
+            self._waiting = None
+            for value, name in _STATUS_NAMES.items():
+                self._counts[name] += int(np.count_nonzero(status == value))
+        else:
+            status = np.where(valid, REJECTED, INVALID).astype(np.int8)
+            self._update_due, self._waiting = update, batch
+        self._pending = None
+        self.generation += 1
+        self.evaluations += len(pending.genotype)
+        self._seconds += time.perf_counter() - pending.since
+        self._record()
+        return status[-len(pending.genotype) :]
+
+    def _place(self, batch: "_Batch", valid: np.ndarray, update: bool) -> np.ndarray:
+        """Add a batch, after an update of the descriptor if there is to be one, and credit the parents."""
+        status = np.full(len(valid), INVALID, np.int8)
+        individuals = batch if valid.all() else batch.only(valid)
+        if update or not self._descriptor.ready:
+            self._update(individuals)
+        descriptor, error = self._descriptor.describe(*individuals.sources)
+        status[valid] = self.archive.add(
+            individuals.genotype,
+            individuals.fitness,
+            individuals.observation,
+            descriptor,
+            ground_truth=individuals.ground_truth,
+            reconstruction_error=error,
+        )
+        self.archive.credit(batch.parent_id, status)
+        return status
+
+    def _update(self, individuals: "_Batch") -> None:
+        """Refit the descriptor if it is learned, redefine l, describe and add all again (paper, Sec. "AURORA").
+
+        While nothing is stored, on the individuals about to be added.
+        """
+        archive = self.archive
+        stored = len(archive) > 0
+        if not stored and len(individuals.genotype) == 0:
+            return
+        sources = (archive.genotype, archive.observation, archive.ground_truth) if stored else individuals.sources
+        descriptor = self._descriptor
+        if self._refits or not descriptor.ready:
+            descriptor = descriptor.refitted(sources[1])
+        values, error = descriptor.describe(*sources)
+        options = {} if self.resolution is None else {"l": self.resolution(values)}
+        if stored:
+            archive.redescribe(values, reconstruction_error=error, **options)
+        elif options:
+            archive.redescribe(values[:0], **options)
+        self._descriptor = descriptor
+
+    def _record(self) -> None:
+        error = self.archive.reconstruction_error
+        self.history.append(
+            Record(
+                generation=self.generation,
+                evaluations=self.evaluations,
+                size=len(self.archive),
+                l=getattr(self.archive, "l", np.nan),
+                **self._counts,
+                rmse=float(error.mean()) if error is not None and len(error) else np.nan,
+                seconds=self._seconds,
+            )
+        )
+
+    def _check_progress(self, task: Callable) -> None:
+        if self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations:
+            raise TaskError(
+                f"task {name_of(task)} gave no valid individual in {self.generation} generations: fitness or observation was "
+                f"NaN or infinite for all {self.evaluations} evaluations"
+            )
+
+
+class _Batch(NamedTuple):
+    """Individuals that have been evaluated and not yet added."""
+
+    genotype: np.ndarray
+    parent_id: np.ndarray
+    fitness: np.ndarray
+    observation: np.ndarray
+    ground_truth: np.ndarray | None
+
+    @property
+    def valid(self) -> np.ndarray:
+        """(n,) bool: the rows without a NaN or an infinity in fitness and observation."""
+        return finite_rows(self.fitness) & finite_rows(self.observation)
+
+    @property
+    def sources(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """What a descriptor may read."""
+        return self.genotype, self.observation, self.ground_truth
+
+    def only(self, rows: np.ndarray) -> "_Batch":
+        """These rows, (n,) bool."""
+        return _Batch(*(None if column is None else column[rows] for column in self))
+
+    def joined(self, other: "_Batch") -> "_Batch":
+        """These and the others."""
+        return _Batch(
+            *(None if one is None else np.concatenate([one, two]) for one, two in zip(self, other, strict=True))
+        )
+
+
+class _Budget:
+    """How much a call of `run` may use."""
+
+    def __init__(self, aurora: Aurora, generations: int | None, evaluations: int | None, seconds: float | None):
+        limits = {"generations": generations, "evaluations": evaluations, "seconds": seconds}
+        if all(limit is None for limit in limits.values()):
+            raise ValueError("run needs a budget: generations, evaluations or seconds")
+        for name, limit in limits.items():
+            if limit is not None and not limit >= 0:
+                raise ValueError(f"{name} must be 0 or more, got {limit}")
+        self._aurora = aurora
+        self._generations = np.inf if generations is None else aurora.generation + generations
+        self._evaluations = np.inf if evaluations is None else aurora.evaluations + evaluations
+        self._deadline = np.inf if seconds is None else time.monotonic() + seconds
+
+    def used_up(self) -> bool:
+        """Whether one of the limits is reached."""
+        return (
+            self._aurora.generation >= self._generations
+            or self._aurora.evaluations >= self._evaluations
+            or time.monotonic() >= self._deadline
+        )
+
+
+def _whole(name: str, value: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name} must be a whole number, 1 or more, got {value!r}")
+    return int(value)
+
+
+def _check_callable(name: str, value: object) -> None:
+    if isinstance(value, type) or not callable(value):
+        raise TypeError(f"{name} must be callable, an instance and not a class, got {value!r}")
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold back Ctrl-C until the state is consistent again. In other threads than the main one there is none to hold."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    received = []
+    previous = signal.signal(signal.SIGINT, lambda *arguments: received.append(arguments))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    if received and callable(previous):
+        previous(*received[0])

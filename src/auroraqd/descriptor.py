@@ -1,0 +1,224 @@
+"""Behavioural descriptors: the few numbers that say how two behaviours differ.
+
+A descriptor is read off the ground truth (a hand-coded descriptor), off the genotype, or learned from the observations by
+any object with scikit-learn's `fit` and `transform`. This module turns each into one immutable value, `Descriptor`, which
+Aurora replaces when it is refitted.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+HAND_CODED = "hand-coded"
+GENOTYPE = "genotype"
+
+
+@runtime_checkable
+class Transformer(Protocol):
+    """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions."""
+
+    def fit(self, x: np.ndarray) -> Any:
+        """Learn from x, (n, features)."""
+        ...
+
+    def transform(self, x: np.ndarray) -> np.ndarray:
+        """Map x, (n, features), to descriptors, (n, d)."""
+        ...
+
+
+class Scaling(NamedTuple):
+    """Each channel (last axis) of an observation from its range to [-1, 1]; a constant channel to 0.
+
+    Attributes:
+        low, high: (channels,) float64.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, observation: np.ndarray) -> "Scaling":
+        """The range of each channel of (n, ..., channels)."""
+        channels = _channels(observation)
+        return cls(channels.min(axis=0).astype(np.float64), channels.max(axis=0).astype(np.float64))
+
+    def scaler(self, features: int) -> "_Scaler":
+        """What scales observations of this many features in all."""
+        half = self.high / 2 - self.low / 2
+        factor = 1 / np.where(half > 0, half, 1.0)
+        repeats = features // len(factor)
+        return _Scaler(np.tile(self.high / 2 + self.low / 2, repeats), np.tile(factor, repeats))
+
+
+def _channels(observation: np.ndarray) -> np.ndarray:
+    return observation.reshape(-1, observation.shape[-1] if observation.ndim > 1 else 1)
+
+
+class _Scaler(NamedTuple):
+    """(n, ...) observations to (n, features) float64, scaled. One entry a feature, not a channel: it is faster."""
+
+    center: np.ndarray
+    factor: np.ndarray
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        flat = observation.reshape(len(observation), -1) - self.center
+        flat *= self.factor
+        return flat
+
+
+class _Affine(NamedTuple):
+    """`x @ weight + offset`: a scaled, flattened observation to its descriptor, or back."""
+
+    weight: np.ndarray
+    offset: np.ndarray
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        return x @ self.weight + self.offset
+
+
+@dataclass(frozen=True)
+class Descriptor:
+    """How to describe individuals. Immutable: `refitted` gives a new one.
+
+    Args:
+        source: "hand-coded" (the ground truth), "genotype", or a learned descriptor: a fitted or unfitted `Transformer`.
+        scaling: of the observations it was fitted on; None while unfitted, and for descriptors that are not learned.
+    """
+
+    source: str | Transformer
+    scaling: Scaling | None = None
+    flatten: Any = None  # observations, (n, ...), to what the transformer reads: scaled, (n, features)
+    encode: Any = None  # (n, features) to descriptors: the transformer's own, or folded into one matrix
+    decode: Any = None  # descriptors to (n, features), or None
+
+    @classmethod
+    def checked(cls, source: "str | Transformer", rng: np.random.Generator) -> "Descriptor":
+        """A descriptor from what a user gives.
+
+        A transformer is copied, so that it is Aurora's alone, and seeded where it has a `random_state` of None, so that a
+        seed of Aurora reproduces the run.
+        """
+        if isinstance(source, str):
+            if source not in (HAND_CODED, GENOTYPE):
+                raise ValueError(f"descriptor must be {HAND_CODED!r}, {GENOTYPE!r} or a transformer, got {source!r}")
+            return cls(source)
+        if isinstance(source, type) or not isinstance(source, Transformer):
+            raise TypeError(
+                f"descriptor must be {HAND_CODED!r}, {GENOTYPE!r} or an object with fit and transform, got {source!r}"
+            )
+        source = copy.deepcopy(source)
+        if hasattr(source, "get_params") and hasattr(source, "set_params"):
+            unseeded = [k for k, v in source.get_params().items() if k.split("__")[-1] == "random_state" and v is None]
+            source.set_params(**{name: int(rng.integers(2**31)) for name in sorted(unseeded)})
+        return cls(source)
+
+    @property
+    def learned(self) -> bool:
+        """Whether it is fitted on observations."""
+        return not isinstance(self.source, str)
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can describe."""
+        return not self.learned or self.encode is not None
+
+    @property
+    def rows_to_fit(self) -> int:
+        """The fewest observations that can be fitted: one more than the components, where the transformer has a number."""
+        components = getattr(self.source, "n_components", 1)
+        return 1 + components if isinstance(components, int) else 2
+
+    def refitted(self, observation: np.ndarray) -> "Descriptor":
+        """A new descriptor, learned from observations, (n, ...). The old one stays as it was, whatever happens."""
+        transformer = copy.deepcopy(self.source)
+        scaling = Scaling.of(observation)
+        transformer.fit(scaling.scaler(observation[0].size)(observation))
+        return Descriptor(transformer).restored(scaling, observation[0].size)
+
+    def restored(self, scaling: Scaling, features: int) -> "Descriptor":
+        """The descriptor of a transformer that has been fitted on observations scaled like this."""
+        transformer = self.source
+        encode, decode = transformer.transform, getattr(transformer, "inverse_transform", None)
+        if _is_affine(transformer):
+            # A call of a scikit-learn pipeline costs as much as everything else in a generation; a product, 1% of that.
+            encode = _affine(encode, features)
+            decode = decode and _affine(decode, encode.weight.shape[1])
+        return replace(self, scaling=scaling, flatten=scaling.scaler(features), encode=encode, decode=decode)
+
+    def describe_observation(self, observation: np.ndarray) -> np.ndarray:
+        """Descriptors, (n, d) float64, of observations, (n, ...).
+
+        Raises:
+            RuntimeError: the descriptor is not learned, or not fitted yet.
+            ValueError: the observations have other features than those it was fitted on.
+        """
+        if not self.learned:
+            raise RuntimeError(f"the descriptor {self.source!r} is not learned from observations")
+        if not self.ready:
+            raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
+        features = len(self.flatten.center)
+        if observation.ndim == 0 or observation[:1].size not in (0, features):
+            raise ValueError(f"observation must have shape (n, ...) with {features} entries a row, got {observation.shape}")
+        return np.asarray(self.encode(self.flatten(observation)), np.float64)
+
+    def describe(
+        self, genotype: np.ndarray, observation: np.ndarray, ground_truth: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Descriptors, (n, d) float64, and the root mean square error of each reconstruction, (n,), or None.
+
+        The error is over the entries of an observation, on the [-1, 1] scale of the descriptor's input.
+
+        Raises:
+            ValueError: there is no ground truth to read, or the transformer returns something else than (n, d).
+        """
+        if not self.learned:
+            return self._read(genotype, ground_truth), None
+        x = self.flatten(observation)
+        z = np.asarray(self.encode(x), np.float64)
+        if z.ndim != 2 or len(z) != len(x):
+            raise ValueError(
+                f"the transform of {_name(self.source)} must return shape ({len(x)}, descriptor dimensions), got {z.shape}"
+            )
+        if self.decode is None:
+            return z, None
+        difference = self.decode(z)
+        difference -= x
+        return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
+
+    def _read(self, genotype: np.ndarray, ground_truth: np.ndarray | None) -> np.ndarray:
+        if self.source == GENOTYPE:
+            return genotype
+        if ground_truth is None:
+            raise ValueError("a hand-coded descriptor reads the ground truth, but the task gives none")
+        return np.asarray(ground_truth, np.float64).reshape(len(ground_truth), -1)
+
+
+def _affine(function: Any, features: int) -> _Affine:
+    """An affine function of (n, features) as one matrix."""
+    points = np.vstack([np.zeros(features), np.eye(features)])
+    values = np.asarray(function(points), np.float64)
+    return _Affine(np.ascontiguousarray(values[1:] - values[0]), values[0])
+
+
+def _is_affine(transformer: Any) -> bool:
+    """Whether `transform` is known to be affine: PCA, and linear pre-processing before it."""
+    if not type(transformer).__module__.startswith("sklearn."):
+        return False
+    from sklearn import decomposition, pipeline, preprocessing
+
+    if type(transformer) is pipeline.Pipeline:
+        return all(step in (None, "passthrough") or _is_affine(step) for _, step in transformer.steps)
+    affine = (
+        decomposition.PCA,
+        decomposition.IncrementalPCA,
+        decomposition.TruncatedSVD,
+        preprocessing.StandardScaler,
+        preprocessing.MaxAbsScaler,
+    )
+    return type(transformer) in affine
+
+
+def _name(source: Any) -> str:
+    return type(source).__name__

@@ -1,0 +1,72 @@
+"""How a run went: one record a generation."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Record(NamedTuple):
+    """The state after a generation. Counts are totals since the start.
+
+    Attributes:
+        generation: generations done.
+        evaluations: individuals evaluated.
+        size: individuals stored.
+        l: distance threshold; NaN for an archive that has none.
+        rejected, new, replaced, invalid: individuals that were given this status.
+        rmse: mean over the stored of the root mean square error of their reconstruction, on the [-1, 1] scale; NaN when the
+            descriptor cannot reconstruct.
+        seconds: time from each `ask` to the end of its `tell`.
+    """
+
+    generation: int
+    evaluations: int
+    size: int
+    l: float
+    rejected: int
+    new: int
+    replaced: int
+    invalid: int
+    rmse: float
+    seconds: float
+
+
+class History:
+    """Records of a run. Long runs are thinned: with `limit` records, every second one goes, and from then on every second
+    generation is recorded, and so on, so that a run of weeks needs no more memory than one of minutes. The last record is
+    always kept.
+    """
+
+    def __init__(self, limit: int = 20_000):
+        self._limit = limit
+        self._gap = 1
+        self._records: list[Record] = []
+        self._last: Record | None = None
+
+    def append(self, record: Record) -> None:
+        """Add the record of the next generation."""
+        self._last = record
+        if record.generation % self._gap == 0:
+            self._records.append(record)
+        if len(self._records) >= self._limit:
+            self._gap *= 2
+            self._records = [kept for kept in self._records if kept.generation % self._gap == 0]
+
+    @property
+    def last(self) -> Record | None:
+        """The latest record, None before the first generation."""
+        return self._last
+
+    @property
+    def records(self) -> list[Record]:
+        """All records kept, in order."""
+        if self._last is None or (self._records and self._records[-1] is self._last):
+            return list(self._records)
+        return [*self._records, self._last]
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def column(self, name: str) -> np.ndarray:
+        """One field of all records, (records,)."""
+        return np.array([getattr(record, name) for record in self.records])

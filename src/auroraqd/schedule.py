@@ -1,0 +1,58 @@
+"""Schedule: at which generations the descriptor is refitted and l redefined.
+
+A schedule is a callable `schedule(generation)`; a generation's number is how many came before it. Every schedule but
+`Never` includes generation 0.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Doubling:
+    """Updates with doubling gaps: 0, first, 3 first, 7 first, ... (paper, Sec. "AURORA": 0, 50, 150, 350, ..., 3150).
+
+    Args:
+        first: generations before the first update after generation 0.
+    """
+
+    first: int = 50
+
+    def __post_init__(self) -> None:
+        _check_generations("first", self.first)
+
+    def __call__(self, generation: int) -> bool:
+        """Whether to update before this generation is added."""
+        gaps, remainder = divmod(generation, self.first)
+        return remainder == 0 and (gaps + 1) & gaps == 0  # 0, 1, 3, 7, ...: one less than a power of two
+
+
+@dataclass(frozen=True)
+class Every:
+    """Updates at regular gaps.
+
+    Args:
+        generations: the gap.
+    """
+
+    generations: int
+
+    def __post_init__(self) -> None:
+        _check_generations("generations", self.generations)
+
+    def __call__(self, generation: int) -> bool:
+        """Whether to update before this generation is added."""
+        return generation % self.generations == 0
+
+
+@dataclass(frozen=True)
+class Never:
+    """No updates: the descriptor has been fitted before, and l stays what the archive was given."""
+
+    def __call__(self, generation: int) -> bool:
+        """False."""
+        return False
+
+
+def _check_generations(name: str, value: int) -> None:
+    if isinstance(value, bool) or int(value) != value or value < 1:
+        raise ValueError(f"{name} must be a whole number of generations, 1 or more, got {value}")

@@ -1,0 +1,89 @@
+"""Tasks: what a robot does and senses when it is given genotypes.
+
+A task is any callable from genotypes, (n, n_genes) in [0, 1], to an `Evaluation`, or to a tuple of fitness, observation
+and, if known, ground truth. A row with a NaN or an infinity in fitness or observation is an invalid individual: that is how a
+task reports a crash.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Evaluation(NamedTuple):
+    """What n individuals did.
+
+    Attributes:
+        fitness: (n,), quality, larger is better.
+        observation: (n, ...), sensory data.
+        ground_truth: (n, ...), what an expert would call the behaviour, for hand-coded descriptors and for metrics, or None.
+    """
+
+    fitness: Any
+    observation: Any
+    ground_truth: Any = None
+
+
+class TaskError(RuntimeError):
+    """A task raised, or returned something else than it promised. What was found before stays."""
+
+
+def name_of(task: Callable) -> str:
+    """What to call a task in a message."""
+    return getattr(task, "__name__", type(task).__name__)
+
+
+def evaluated(task: Callable[[np.ndarray], Any], genotypes: np.ndarray, generation: int) -> Evaluation:
+    """Evaluate genotypes, (n, n_genes).
+
+    Raises:
+        TaskError: the task raised, or returned something that is no evaluation of n individuals.
+    """
+    where = f"task {name_of(task)} at generation {generation}"
+    try:
+        result = task(genotypes)
+    except Exception as error:
+        raise TaskError(f"{where} raised {type(error).__name__}: {error}") from error
+    if not isinstance(result, tuple) or len(result) not in (2, 3):
+        raise TaskError(
+            f"{where} must return a tuple of fitness, observation and optionally ground truth, got {type(result).__name__}"
+            + (f" of {len(result)}" if isinstance(result, tuple) else "")
+        )
+    try:
+        return checked(Evaluation(*result), len(genotypes))
+    except ValueError as error:
+        raise TaskError(f"{where}: {error}") from None
+
+
+def checked(evaluation: Evaluation, n: int) -> Evaluation:
+    """The evaluation of n individuals as arrays of numbers.
+
+    Raises:
+        ValueError: wrong shape, number of rows, or dtype.
+    """
+    fitness = _rows("fitness", evaluation.fitness, n)
+    if fitness.ndim != 1:
+        raise ValueError(f"fitness must have shape ({n},), got {fitness.shape}")
+    observation = _rows("observation", evaluation.observation, n)
+    if observation[0].size == 0:
+        raise ValueError(f"observation must have entries, got shape {observation.shape}")
+    truth = evaluation.ground_truth
+    return Evaluation(fitness.astype(np.float64), observation, None if truth is None else _rows("ground_truth", truth, n))
+
+
+def _rows(name: str, values: Any, n: int) -> np.ndarray:
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} must be an array with rows of one shape") from None
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be numbers, got dtype {array.dtype}")
+    if array.ndim == 0 or len(array) != n:
+        raise ValueError(f"{name} must have {n} rows, one for each genotype, got shape {array.shape}")
+    return array
+
+
+from auroraqd.tasks.ballistic import Ballistic  # noqa: E402 - tasks use Evaluation
+
+__all__ = ["Ballistic", "Evaluation", "TaskError"]

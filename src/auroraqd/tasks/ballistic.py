@@ -1,0 +1,87 @@
+"""The ballistic task (paper, Sec. "First scenario"): throw a point mass, watch it fly and bounce.
+
+Constants are those of the authors' re-released example: mass 1 kg, steps of 1 s, forces up to 200 N.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from auroraqd import tasks
+
+STEPS = 50
+"""Points of a trajectory, the first at the origin."""
+
+_GRAVITY = 9.81  # m/s^2
+_BOUNCE = 0.6  # share of the vertical speed that a bounce keeps
+_MAX_FORCE = 200.0  # N
+_MAX_ANGLE = np.pi / 2  # rad
+_GROUND_TRUTH_SCALE = 2000.0  # m
+
+
+@dataclass(frozen=True)
+class Ballistic:
+    """A force and its direction in, a trajectory out.
+
+    Two genes, the angle and the magnitude of the force, each mapped to 0.1 + 0.8 gene of its range. Called with genotypes,
+    (n, 2) in [0, 1], it returns an `Evaluation`:
+
+    - fitness (n,): 0, as in the paper; NaN for throws too weak to leave the ground (F sin a <= 3 m g), which are invalid;
+    - observation (n, 50, 2): x and y each second, in metres;
+    - ground_truth (n, 2): x and y of the top of the first arc, from 0 to 2000 m scaled to [-1, 1].
+
+    Raises:
+        ValueError: genotypes has the wrong shape, or leaves [0, 1].
+    """
+
+    @property
+    def n_genes(self) -> int:
+        """Genes of a controller."""
+        return 2
+
+    def __call__(self, genotypes: np.ndarray) -> "tasks.Evaluation":
+        """See the class."""
+        genotypes = np.asarray(genotypes, np.float64)
+        if genotypes.ndim != 2 or genotypes.shape[1] != 2:
+            raise ValueError(f"genotypes must have shape (n, 2), got {genotypes.shape}")
+        if not ((genotypes >= 0) & (genotypes <= 1)).all():
+            raise ValueError("genotypes must be in [0, 1]")
+        share = 0.1 + 0.8 * genotypes
+        angle, force = share[:, 0] * _MAX_ANGLE, share[:, 1] * _MAX_FORCE
+        along, up = force * np.cos(angle), force * np.sin(angle)
+        observation = np.empty((len(genotypes), STEPS, 2))
+        _fly(along, up, observation)
+        fitness = np.where(up > 3 * _GRAVITY, 0.0, np.nan)
+        return tasks.Evaluation(fitness, observation, _top(along, up))
+
+
+@njit(cache=True, nogil=True)
+def _fly(along, up, trajectory):
+    """Fill trajectories, (n, STEPS, 2), from the two components of the force, (n,) each: semi-implicit Euler, 1 s steps."""
+    for i in range(along.shape[0]):
+        x = y = 0.0
+        vx, vy = along[i], 0.0
+        ay = up[i] - _GRAVITY
+        trajectory[i, 0, 0] = x
+        trajectory[i, 0, 1] = y
+        for step in range(1, STEPS):
+            vy += ay
+            x += vx
+            y += vy
+            ay = -_GRAVITY
+            if y <= 0:  # a bounce takes the place of this step's gravity
+                y = 0.0
+                ay = -_BOUNCE * vy
+                vy = 0.0
+            trajectory[i, step, 0] = x
+            trajectory[i, step, 1] = y
+
+
+def _top(along: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """The highest point of the continuous motion: the sampled one can lie 1.2 m lower and 86 m aside."""
+    vy = up - _GRAVITY
+    t = up / _GRAVITY - 1
+    x = along * t + along / 2
+    y = -_GRAVITY / 2 * t**2 + vy * t + vy / 2
+    return np.stack([x, y], axis=1) / _GROUND_TRUTH_SCALE * 2 - 1
