@@ -586,5 +586,5 @@ def novelties(tree, descriptor, excluded, k):
     scratch = _scratch(k)
     out = np.empty(descriptor.shape[0], np.float64)
     for i in range(descriptor.shape[0]):
-        out[i] = _novelty(tree, descriptor[i], excluded[i], k, scratch)
+        out[i], _ = _novelty(tree, descriptor[i], excluded[i], k, scratch)
     return out

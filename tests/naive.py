@@ -1,0 +1,134 @@
+"""Plain-Python twins of the compiled kernels: slow, short, written from the rules and not from the kernels."""
+
+import math
+
+
+def distance(a, b):
+    """Euclidean, summed in the order of the dimensions."""
+    total = 0.0
+    for x, y in zip(a, b, strict=True):
+        total += (float(y) - float(x)) * (float(y) - float(x))
+    return math.sqrt(total)
+
+
+def novelty(points, x, excluded, k):
+    """Mean distance to the k nearest, one index left out."""
+    distances = sorted(distance(p, x) for i, p in enumerate(points) if i != excluded)[:k]
+    total = 0.0
+    for value in distances:
+        total += value
+    return total / len(distances) if distances else 0.0
+
+
+def sign(value):
+    return int(value > 0) - int(value < 0)
+
+
+def replaces(f, n, f_nn, n_nn, epsilon, elitist):
+    """Whether (f, n) takes the place of (f_nn, n_nn)."""
+    if abs(n - n_nn) <= 1e-9 * n_nn:
+        n = n_nn
+    if f == f_nn:
+        return n > n_nn
+    if elitist:
+        return f > f_nn
+    return (
+        f >= (1 - sign(f_nn) * epsilon) * f_nn
+        and n >= (1 - sign(n_nn) * epsilon) * n_nn
+        and (f - f_nn) * abs(n_nn) > -(n - n_nn) * abs(f_nn)
+    )
+
+
+class UnstructuredArchive:
+    """The addition rule, one individual at a time, by brute force."""
+
+    def __init__(self, l, k=15, epsilon=0.1, competition="dominance", capacity=None):
+        self.l, self.k, self.epsilon, self.elitist, self.capacity = l, k, epsilon, competition == "elitist", capacity
+        self.descriptor, self.fitness, self.id = [], [], []
+        self.next_id = 0
+
+    def add_one(self, descriptor, fitness):
+        if not all(map(math.isfinite, [*descriptor, fitness])):
+            return -1
+        order = sorted((distance(p, descriptor), i) for i, p in enumerate(self.descriptor))
+        if not order or order[0][0] > self.l:
+            if self.capacity is not None and len(order) >= self.capacity:
+                return 0
+            self.descriptor.append(list(descriptor))
+            self.fitness.append(fitness)
+            self.id.append(self.next_id)
+            self.next_id += 1
+            return 1
+        nearest = order[0][1]
+        if len(order) == 1:
+            better = self.elitist and fitness > self.fitness[nearest]
+        elif order[1][0] == 0 or order[1][0] < (1 - self.epsilon) * self.l:
+            better = False
+        else:
+            better = replaces(
+                fitness,
+                novelty(self.descriptor, descriptor, nearest, self.k),
+                self.fitness[nearest],
+                novelty(self.descriptor, self.descriptor[nearest], nearest, self.k),
+                self.epsilon,
+                self.elitist,
+            )
+        if not better:
+            return 0
+        self.descriptor[nearest], self.fitness[nearest], self.id[nearest] = list(descriptor), fitness, self.next_id
+        self.next_id += 1
+        return 2
+
+    def add(self, descriptors, fitness):
+        return [self.add_one(d, f) for d, f in zip(descriptors, fitness, strict=True)]
+
+    def redescribe(self, descriptors, l=None):
+        self.l = self.l if l is None else l
+        old = sorted(zip(self.id, descriptors, self.fitness, strict=True), key=lambda individual: individual[0])
+        next_id = self.next_id
+        self.descriptor, self.fitness, self.id = [], [], []
+        for age, descriptor, fitness in old:
+            self.next_id = age
+            self.add_one(descriptor, fitness)
+        self.next_id = next_id
+
+
+def throw(along, up, steps=50):
+    """A ballistic trajectory: mass 1 kg, steps of 1 s."""
+    position, velocity = [0.0, 0.0], [0.0, 0.0]
+    acceleration = [along, up - 9.81]
+    points = [tuple(position)]
+    for _ in range(steps - 1):
+        velocity = [v + a for v, a in zip(velocity, acceleration, strict=True)]
+        position = [p + v for p, v in zip(position, velocity, strict=True)]
+        acceleration = [0.0, -9.81]
+        if position[1] <= 0:
+            position[1] = 0.0
+            acceleration[1] = -0.6 * velocity[1]
+            velocity[1] = 0.0
+        points.append(tuple(position))
+    return points
+
+
+def largest_distance(points):
+    return max(distance(a, b) for a in points for b in points)
+
+
+def klc(reference, compared, bins=30):
+    """D_KL(reference || compared), two dimensions, joint histogram over the box of the reference."""
+    lows = [min(p[j] for p in reference) for j in range(2)]
+    highs = [max(p[j] for p in reference) for j in range(2)]
+
+    def histogram(points):
+        counts = {}
+        for p in points:
+            if any(not low <= v <= high for v, low, high in zip(p, lows, highs, strict=True)):
+                continue
+            cell = tuple(
+                min(int((v - low) / (high - low) * bins), bins - 1) for v, low, high in zip(p, lows, highs, strict=True)
+            )
+            counts[cell] = counts.get(cell, 0) + 1
+        return {cell: count / sum(counts.values()) for cell, count in counts.items()}
+
+    e, a = histogram(reference), histogram(compared)
+    return sum(p * math.log(p / a.get(cell, 1e-8)) for cell, p in e.items())
