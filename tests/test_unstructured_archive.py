@@ -113,7 +113,7 @@ individuals = st.integers(1, 4).flatmap(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(individuals, st.floats(0.01, 0.5), st.integers(1, 16), st.sampled_from(["dominance", "elitist"]))
 def test_agrees_with_its_twin_on_anything(rows, l, k, competition):
     x, fitness = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
@@ -122,7 +122,7 @@ def test_agrees_with_its_twin_on_anything(rows, l, k, competition):
     assert_agree(archive, twin)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.floats(0, 0.9))
 def test_stored_keep_their_distance(seed, d, epsilon):
     """No two closer than (1 - epsilon) l, however often places change hands."""
@@ -135,7 +135,7 @@ def test_stored_keep_their_distance(seed, d, epsilon):
     assert not gaps or min(gaps) >= (1 - epsilon) * l
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60))
 def test_a_batch_is_its_rows_one_by_one(seed, size):
     rng = np.random.default_rng(seed)

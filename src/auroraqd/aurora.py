@@ -92,6 +92,7 @@ class Aurora:
         self.generation = 0
         self.evaluations = 0
         self.history = History()
+        self.seed = seed
         self._rng = np.random.default_rng(seed)
         self._descriptor = Descriptor.checked(descriptor, self._rng)
         self._refits = self._descriptor.learned and prior is None
@@ -255,13 +256,15 @@ class Aurora:
         update = self._update_due or self.schedule(self.generation)
         if self._descriptor.ready or np.count_nonzero(valid) >= self._descriptor.rows_to_fit:
             status = self._place(batch, valid, update)
-            self._update_due = update and not valid.any() and len(self.archive) == 0
+            self._update_due = update and len(self.archive) == 0
             self._waiting = None
-            for value, name in _STATUS_NAMES.items():
-                self._counts[name] += int(np.count_nonzero(status == value))
+            counted = status
         else:
             status = np.where(valid, REJECTED, INVALID).astype(np.int8)
-            self._update_due, self._waiting = update, batch
+            self._update_due, self._waiting = update, batch.only(valid)
+            counted = status[~valid]
+        for value, name in _STATUS_NAMES.items():
+            self._counts[name] += int(np.count_nonzero(counted == value))
         self._pending = None
         self.generation += 1
         self.evaluations += len(pending.genotype)
@@ -301,6 +304,8 @@ class Aurora:
         if self._refits or not descriptor.ready:
             descriptor = descriptor.refitted(sources[1])
         values, error = descriptor.describe(*sources)
+        if not np.isfinite(values).all():
+            raise ValueError(f"the descriptor must be finite for all that is stored: {descriptor} gave a NaN or an infinity")
         options = {} if self.resolution is None else {"l": self.resolution(values)}
         if stored:
             archive.redescribe(values, reconstruction_error=error, **options)

@@ -93,6 +93,9 @@ class Descriptor:
     encode: Any = None  # (n, features) to descriptors: the transformer's own, or folded into one matrix
     decode: Any = None  # descriptors to (n, features), or None
 
+    def __str__(self) -> str:
+        return f"the transform of {type(self.source).__name__}" if self.learned else f"{self.source!r}"
+
     @classmethod
     def checked(cls, source: "str | Transformer", rng: np.random.Generator) -> "Descriptor":
         """A descriptor from what a user gives.
@@ -178,9 +181,7 @@ class Descriptor:
         x = self.flatten(observation)
         z = np.asarray(self.encode(x), np.float64)
         if z.ndim != 2 or len(z) != len(x):
-            raise ValueError(
-                f"the transform of {_name(self.source)} must return shape ({len(x)}, descriptor dimensions), got {z.shape}"
-            )
+            raise ValueError(f"{self} must return shape ({len(x)}, descriptor dimensions), got {z.shape}")
         if self.decode is None:
             return z, None
         difference = self.decode(z)
@@ -219,6 +220,3 @@ def _is_affine(transformer: Any) -> bool:
     )
     return type(transformer) in affine
 
-
-def _name(source: Any) -> str:
-    return type(source).__name__

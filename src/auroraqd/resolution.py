@@ -59,7 +59,7 @@ class Fixed:
 
 def largest_distance(points: np.ndarray) -> float:
     """Largest Euclidean distance between two of the points, (n, d): exact, without an n x n matrix."""
-    if points.shape[1] <= 3 and len(points) > 100:
+    if points.shape[1] in (2, 3) and len(points) > 100:
         try:
             points = points[ConvexHull(points).vertices]  # the two points farthest apart are on the hull
         except QhullError:

@@ -79,7 +79,7 @@ def _fly(along, up, trajectory):
 
 
 def _top(along: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The highest point of the continuous motion: the sampled one can lie 1.2 m lower and 86 m aside."""
+    """The top of the first arc between the samples, of which the highest lies up to g / 8 above and half a step aside."""
     vy = up - _GRAVITY
     t = up / _GRAVITY - 1
     x = along * t + along / 2

@@ -1,0 +1,323 @@
+"""auroraqd beside its peers, in one process and in turns: pyribs' `ProximityArchive`, and the AURORA of QDax.
+
+    pip install "auroraqd[peers]"
+    python benchmarks/peers.py
+
+All do the ballistic task in batches of 200, with a two-dimensional PCA of the scaled trajectories that was fitted once before,
+on uniformly random throws: nothing is refitted while the clock runs. All mutate one or both of the two genes by polynomial
+mutation. Times are medians, with the systems taking turns generation by generation, so that noise of the machine meets both.
+
+pyribs has no AURORA; the loop around its archive is the cheapest that does the same work. Parents are `sample_elites`,
+children `auroraqd.Polynomial`, descriptors `Aurora.describe`: an emitter and a scheduler would add to its time. Its archive has
+no local competition, which a constant fitness would leave without effect, and keeps neither observations nor ground truths,
+although a refit would need the observations. That of auroraqd keeps them, and its generation also takes the curiosity score,
+the reconstruction errors and the history.
+
+The two archives decide differently: pyribs adds what has a mean distance to its 15 nearest above a threshold, judges a batch
+against what was stored before it, and replaces nothing; auroraqd adds what is farther than l from its nearest, one individual
+at a time, and lets others compete for the place of their nearest. pyribs builds a new k-d tree after each batch of which
+something was added. So there are two phases, and the table says how many individuals of a batch were stored in each:
+
+- filling: the archive has just reached its size and takes more from each batch;
+- full: it has reached about that size after many generations, and hardly grows.
+
+QDax is timed at max_size 1,000 only. Version 0.5.0 compares a batch in arrays of shape (batch, max_size, max_size, d), so that
+time and memory grow with the square of the size; an update of its encoder adds all that is stored as one batch, and grows with
+the cube. What is timed is one jitted `AURORA.update`, without metrics, with the task written in JAX.
+"""
+
+import time
+from importlib.util import find_spec
+from typing import NamedTuple
+
+import numpy as np
+from sklearn.decomposition import PCA
+
+import auroraqd
+
+BATCH = 200
+NEIGHBOURS = 15
+SEEDS = 6
+TIMED = 12  # generations of each seed that count
+FULL_AFTER = 600  # generations
+QDAX_SIZE = 1_000
+QDAX_TIMED = 20
+
+
+class Case(NamedTuple):
+    """An archive size in one phase of a run, and the thresholds that lead there."""
+
+    phase: str
+    stored: int
+    l: float  # of auroraqd: distance to the nearest
+    novelty: float  # of pyribs: mean distance to the nearest 15
+
+
+CASES = (
+    Case("filling", 1_000, l=0.115, novelty=0.25),
+    Case("filling", 10_000, l=0.031, novelty=0.075),
+    Case("full", 1_000, l=0.173, novelty=0.373),
+    Case("full", 10_000, l=0.0465, novelty=0.107),
+)
+
+
+class Timing(NamedTuple):
+    """One generation."""
+
+    step: float  # seconds of `archive.add`
+    whole: float  # seconds of everything
+    stored: int  # individuals of the batch that were stored
+    size: int  # individuals stored afterwards
+
+
+class TimedArchive(auroraqd.UnstructuredArchive):
+    """An archive that knows how long its last `add` took."""
+
+    seconds = 0.0
+
+    def add(self, *arguments, **options):
+        """As in the base class."""
+        since = time.perf_counter()
+        status = super().add(*arguments, **options)
+        self.seconds = time.perf_counter() - since
+        return status
+
+
+class Ours:
+    """The loop of auroraqd, with the defaults but for the fixed descriptor and l."""
+
+    def __init__(self, l, seed):
+        self.task = auroraqd.tasks.Ballistic()
+        self.aurora = auroraqd.Aurora(
+            self.task.n_genes,
+            PCA(n_components=2),
+            seed=seed,
+            batch_size=BATCH,
+            archive=TimedArchive(l=l, k=NEIGHBOURS),
+            resolution=None,
+            schedule=auroraqd.Never(),
+            prior=random_throws(),
+        )
+
+    def __len__(self):
+        return len(self.aurora.archive)
+
+    def generation(self):
+        """One generation, timed."""
+        since = time.perf_counter()
+        genotypes = self.aurora.ask()
+        status = self.aurora.tell(*self.task(genotypes))
+        whole = time.perf_counter() - since
+        return Timing(self.aurora.archive.seconds, whole, np.count_nonzero(status > 0), len(self))
+
+
+class Pyribs:
+    """The same loop around pyribs' archive.
+
+    Args:
+        novelty: threshold of the archive.
+        seed: of all that is random.
+        describe: observations to descriptors.
+    """
+
+    def __init__(self, novelty, seed, describe):
+        from ribs.archives import ProximityArchive
+
+        self.task = auroraqd.tasks.Ballistic()
+        self.variation = auroraqd.Polynomial()
+        self.describe = describe
+        self.rng = np.random.default_rng(seed)
+        self.archive = ProximityArchive(
+            solution_dim=self.task.n_genes,
+            measure_dim=2,
+            k_neighbors=NEIGHBOURS,
+            novelty_threshold=novelty,
+            seed=seed,
+        )
+
+    def __len__(self):
+        return len(self.archive)
+
+    def generation(self):
+        """One generation, timed."""
+        since = time.perf_counter()
+        if self.archive.empty:
+            genotypes = self.rng.random((BATCH, self.task.n_genes))
+        else:
+            genotypes = self.variation(self.archive.sample_elites(BATCH)["solution"], self.rng)
+        fitness, observation, _ = self.task(genotypes)
+        valid = np.isfinite(fitness)
+        genotypes, measures = genotypes[valid], self.describe(observation[valid])
+        before_add = time.perf_counter()
+        status = self.archive.add(genotypes, None, measures)["status"]
+        end = time.perf_counter()
+        return Timing(end - before_add, end - since, np.count_nonzero(status), len(self))
+
+
+class Qdax:
+    """QDax's AURORA on the ballistic task, with an encoder that is one matrix.
+
+    Args:
+        l: threshold of the repertoire.
+        seed: of all that is random.
+        describe: observations to descriptors, an affine function.
+    """
+
+    def __init__(self, l, seed, describe):
+        import jax
+        from qdax.core.aurora import AURORA
+        from qdax.core.containers.unstructured_repertoire import UnstructuredRepertoire
+        from qdax.core.emitters.mutation_operators import polynomial_mutation
+        from qdax.core.emitters.standard_emitters import MixingEmitter
+        from qdax.custom_types import AuroraExtraInfo
+
+        def mutate(genotypes, key):
+            return polynomial_mutation(genotypes, key, proportion_to_mutate=0.5, eta=10.0, minval=0.0, maxval=1.0)
+
+        def encode(observation, extra):
+            weight, offset = extra.model_params
+            return observation @ weight + offset
+
+        aurora = AURORA(
+            scoring_function=jax.jit(ballistic_in_jax),
+            emitter=MixingEmitter(mutate, variation_fn=None, variation_percentage=0.0, batch_size=BATCH),
+            metrics_function=lambda repertoire: {},
+            encoder_function=encode,
+            training_function=None,
+        )
+        self.split = jax.random.split
+        self.wait = jax.block_until_ready
+        self.update = jax.jit(aurora.update)
+        self.key, first = jax.random.split(jax.random.key(seed))
+        self.extra = AuroraExtraInfo(model_params=as_matrix(describe))
+        genotypes = jax.random.uniform(first, (BATCH, 2))
+        fitness, _, extra_scores = ballistic_in_jax(genotypes, first)
+        # `AURORA.init` would describe and add all again, as one batch of max_size, after a training that there is not.
+        self.repertoire = jax.jit(UnstructuredRepertoire.init, static_argnames=("max_size", "keys_extra_scores"))(
+            genotypes=genotypes,
+            fitnesses=fitness,
+            descriptors=encode(extra_scores["observations"], self.extra),
+            l_value=l,
+            max_size=QDAX_SIZE,
+            extra_scores=extra_scores,
+            keys_extra_scores=("observations",),
+        )
+
+    def __len__(self):
+        return int(self.repertoire.get_number_genotypes())
+
+    def generation(self):
+        """Seconds of one generation."""
+        since = time.perf_counter()
+        self.key, key = self.split(self.key)
+        self.repertoire, _, _ = self.wait(self.update(self.repertoire, None, key, self.extra))
+        return time.perf_counter() - since
+
+
+def random_throws(n=2_000):
+    """Observations of valid throws, uniformly random in the genotype: what the descriptor is fitted on."""
+    task = auroraqd.tasks.Ballistic()
+    fitness, observation, _ = task(np.random.default_rng(0).random((n, task.n_genes)))
+    return observation[np.isfinite(fitness)]
+
+
+def as_matrix(describe, steps=auroraqd.tasks.ballistic.STEPS):
+    """Weight and offset of an affine function of trajectories, flattened."""
+    points = np.vstack([np.zeros(2 * steps), np.eye(2 * steps)])
+    values = describe(points.reshape(-1, steps, 2))
+    return (values[1:] - values[0]).astype(np.float32), values[0].astype(np.float32)
+
+
+def ballistic_in_jax(genotypes, key):
+    """`auroraqd.tasks.Ballistic` as a scoring function of QDax: fitness, descriptors that nobody reads, observations."""
+    import jax
+    import jax.numpy as jnp
+
+    gravity, bounce, max_force, max_angle = 9.81, 0.6, 200.0, jnp.pi / 2
+    share = 0.1 + 0.8 * genotypes
+    angle, force = share[:, 0] * max_angle, share[:, 1] * max_force
+    along, up = force * jnp.cos(angle), force * jnp.sin(angle)
+
+    def second(state, _):
+        x, y, vy, ay = state
+        vy = vy + ay
+        x, y = x + along, y + vy
+        down = y <= 0
+        y = jnp.where(down, 0.0, y)
+        ay = jnp.where(down, -bounce * vy, -gravity)
+        vy = jnp.where(down, 0.0, vy)
+        return (x, y, vy, ay), jnp.stack([x, y], axis=-1)
+
+    still = jnp.zeros_like(along)
+    _, points = jax.lax.scan(second, (still, still, still, up - gravity), length=auroraqd.tasks.ballistic.STEPS - 1)
+    trajectory = jnp.concatenate([jnp.zeros((1, *points.shape[1:])), points])  # (steps, n, 2)
+    fitness = jnp.where(up > 3 * gravity, 0.0, -jnp.inf)  # -inf is never stored
+    observation = trajectory.swapaxes(0, 1).reshape(len(genotypes), -1)
+    return fitness, jnp.zeros((len(genotypes), 2)), {"observations": observation}
+
+
+def filled(system, case):
+    """Run a system until its archive is as the case has it."""
+    for _ in range(FULL_AFTER):
+        if case.phase == "filling" and len(system) >= case.stored:
+            break
+        system.generation()
+    return system
+
+
+def median_of(timings, field):
+    return np.median([getattr(timing, field) for timing in timings])
+
+
+def row(cells):
+    print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def times(ours, theirs):
+    """Cells of a table: two times in seconds as milliseconds, and their ratio."""
+    return f"{1e3 * ours:.2f}", f"{1e3 * theirs:.2f}", f"{theirs / ours:.1f}"
+
+
+def compare_pyribs():
+    """The archive step and the whole generation, beside pyribs."""
+    print(f"### auroraqd and pyribs' ProximityArchive, batches of {BATCH}, medians of {SEEDS * TIMED}\n")
+    row(["phase", "stored, auroraqd / pyribs", "of a batch", "step", "auroraqd ms", "pyribs ms", "pyribs / auroraqd"])
+    row(["---"] * 7)
+    for case in CASES:
+        ours, theirs = [], []
+        for seed in range(SEEDS):
+            us = filled(Ours(case.l, seed), case)
+            them = filled(Pyribs(case.novelty, seed, us.aurora.describe), case)
+            for _ in range(TIMED):
+                ours.append(us.generation())
+                theirs.append(them.generation())
+        sizes = " / ".join(f"{median_of(timings, 'size'):,.0f}" for timings in (ours, theirs))
+        stored = " / ".join(f"{median_of(timings, 'stored'):.0f}" for timings in (ours, theirs))
+        for field, name in (("step", "archive.add"), ("whole", "generation")):
+            row([case.phase, sizes, stored, name, *times(median_of(ours, field), median_of(theirs, field))])
+
+
+def compare_qdax():
+    """The whole generation, beside QDax."""
+    case = next(case for case in CASES if case.phase == "full" and case.stored == QDAX_SIZE)
+    us = filled(Ours(case.l, seed=0), case)
+    them = Qdax(case.l, 0, us.aurora.describe)
+    for _ in range(2 * QDAX_SIZE // BATCH):
+        them.generation()
+    timings = [(us.generation().whole, them.generation()) for _ in range(QDAX_TIMED)]
+    print(f"\n### auroraqd and QDax's AURORA, batches of {BATCH}, medians of {QDAX_TIMED}\n")
+    row(["stored, auroraqd / QDax", "step", "auroraqd ms", "QDax ms", "QDax / auroraqd"])
+    row(["---"] * 5)
+    row([f"{len(us):,} / {len(them):,}", "generation", *times(*np.median(timings, axis=0))])
+
+
+def main():
+    for package, compare in (("ribs", compare_pyribs), ("qdax", compare_qdax)):
+        if find_spec(package) is None:
+            print(f'\n{package} is not installed, so it is left out: pip install "auroraqd[peers]"')
+        else:
+            compare()
+
+
+if __name__ == "__main__":
+    main()

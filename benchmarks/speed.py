@@ -1,0 +1,139 @@
+"""How fast auroraqd is: a run of paper size, the archive from 1e3 to 1e6 individuals, the command line.
+
+Compiled kernels are warmed up first. The machine's noise is met with medians.
+"""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from sklearn.decomposition import PCA
+
+import auroraqd
+
+BATCH = 200
+
+
+def paper_size(generations=5000):
+    """`Aurora.run` at paper size with PCA, twice: seconds, and the peak memory of this process."""
+    task = auroraqd.tasks.Ballistic()
+    auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=1).run(task, generations=60)
+    print(f"### A run of paper size: {generations} generations of {BATCH}, PCA\n")
+    print("| variation | seconds | us an evaluation | stored | peak memory, MiB |\n|---|---|---|---|---|")
+    for variation in (auroraqd.Polynomial(), auroraqd.Polynomial(at_least_one=False)):
+        aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0, variation=variation)
+        since = time.perf_counter()
+        aurora.run(task, generations=generations)
+        seconds = time.perf_counter() - since
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        per_evaluation = 1e6 * seconds / aurora.evaluations
+        print(f"| {variation} | {seconds:.2f} | {per_evaluation:.2f} | {len(aurora.archive):,} | {memory:.0f} |", flush=True)
+
+
+def median_add(archive, batches):
+    """Median microseconds a row of `archive.add` over batches of columns; the archive changes."""
+    times = []
+    for genotype, fitness, observation, descriptor in batches:
+        since = time.perf_counter()
+        archive.add(genotype, fitness, observation, descriptor)
+        times.append((time.perf_counter() - since) / len(descriptor))
+    return 1e6 * np.median(times)
+
+
+def throws(genotypes):
+    """Ballistic throws that are valid, described by their ground truth."""
+    fitness, observation, truth = auroraqd.tasks.Ballistic()(genotypes)
+    valid = np.isfinite(fitness)
+    return genotypes[valid], fitness[valid], observation[valid], truth[valid]
+
+
+def offspring(archive, rng):
+    """One batch of a run: children of parents chosen by curiosity, every one mutated."""
+    parents = archive.genotype[auroraqd.Curiosity()(archive, BATCH, rng)]
+    genotypes = auroraqd.Polynomial()(parents, rng)
+    return throws(genotypes)
+
+
+def real_offspring():
+    """`add` of offspring of real throws: an archive of a real run, and one of a million."""
+    print("\n### `archive.add`, 200 real offspring without copies, d = 2\n")
+    print("| stored | us a row (median of 200 batches) |\n|---|---|")
+    task = auroraqd.tasks.Ballistic()
+    aurora = auroraqd.Aurora(task.n_genes, "hand-coded", seed=0)
+    aurora.run(task, generations=5000, callback=lambda run: len(run.archive) >= 15_000)
+    report_offspring(aurora.archive)
+    archive = auroraqd.UnstructuredArchive(l=0.00062)
+    rng = np.random.default_rng(0)
+    while len(archive) < 1_000_000:
+        archive.add(*throws(rng.random((20_000, 2))))
+    report_offspring(archive)
+
+
+def report_offspring(archive):
+    rng = np.random.default_rng(1)
+    size = len(archive)
+    times = []
+    for _ in range(200):
+        batch = offspring(archive, rng)
+        times.append(median_add(archive, [batch]))
+    print(f"| {size:,} | {np.median(times):.2f} |", flush=True)
+
+
+def scaling(sizes=(1_000, 10_000, 100_000, 1_000_000), dimensions=(2, 3, 5, 10)):
+    """`add` for archives of uniformly random descriptors; rows near stored ones, so that most of them compete."""
+    print("\n### `archive.add`, 200 rows near stored ones, uniformly random descriptors, us a row (median of 20 batches)\n")
+    print("| stored | " + " | ".join(f"d = {d}" for d in dimensions) + " |\n|---|" + "---|" * len(dimensions))
+    for size in sizes:
+        cells = []
+        for d in dimensions:
+            rng = np.random.default_rng(d)
+            archive = auroraqd.UnstructuredArchive(l=0.5 * size ** (-1 / d))
+            while len(archive) < size:
+                archive.add(*columns(rng.random((min(size, 20_000), d))))
+            stored = archive.descriptor
+            places = (stored[rng.integers(len(stored), size=BATCH)] for _ in range(20))
+            noise = archive.l / np.sqrt(d)
+            cells.append(median_add(archive, [columns(place + rng.normal(0, noise, place.shape)) for place in places]))
+        print(f"| {size:,} | " + " | ".join(f"{cell:.2f}" for cell in cells) + " |", flush=True)
+
+
+def columns(descriptor):
+    """Individuals with these descriptors and little else."""
+    n = len(descriptor)
+    return np.zeros((n, 1)), np.zeros(n), np.zeros((n, 1)), descriptor
+
+
+def command_line():
+    """`auroraqd --help`, and a short run in a fresh copy of the package (kernels not compiled yet) and again."""
+    print("\n### The command line, seconds\n")
+    print("| command | seconds |\n|---|---|")
+    timed("auroraqd --help", ["--help"], {})
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copytree(Path(auroraqd.__file__).parent, f"{folder}/auroraqd", ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("first", "second"):
+            arguments = ["run", "ballistic", "--generations", "200", "--out", f"{folder}/{name}"]
+            timed(f"auroraqd run ballistic --generations 200, {name} time", arguments, {"PYTHONPATH": folder})
+
+
+def timed(name, arguments, environment):
+    since = time.perf_counter()
+    command = [sys.executable, "-m", "auroraqd.cli", *arguments]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env={**os.environ, **environment})
+    print(f"| {name} | {time.perf_counter() - since:.2f} |", flush=True)
+
+
+def main():
+    paper_size()
+    real_offspring()
+    scaling()
+    command_line()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,5 @@
+"""Figures, made from stored runs only."""
+
+from auroraqd.report.figures import history_figure, repertoire_figure, write_figures
+
+__all__ = ["history_figure", "repertoire_figure", "write_figures"]

@@ -1,0 +1,133 @@
+"""The figures of one run, in the manner of the paper (Fig. "Ballistic task").
+
+An individual has one colour in all panels, given by its place in ground-truth space, so that places correspond.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from auroraqd import storage
+from auroraqd.history import Record
+from auroraqd.repertoire import Repertoire
+
+FORMATS = ("png", "svg")
+_CORNERS = np.array([[[38, 70, 160], [0, 160, 135]], [[200, 40, 120], [245, 180, 30]]]) / 255  # [x, y] of the unit square
+_MOST_TRAJECTORIES = 600
+_STYLE = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 11,
+    "font.size": 9,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "auroraqd",  # or the same run would give another file each time
+}
+
+
+def write_figures(folder: str | Path) -> list[Path]:
+    """Draw the figures of a run folder into `folder/figures`, as PNG and SVG; returns the files.
+
+    Raises:
+        FileNotFoundError, ValueError: see `auroraqd.load`.
+    """
+    repertoire, records = storage.load(folder), storage.load_history(folder)
+    target = Path(folder) / "figures"
+    target.mkdir(exist_ok=True)
+    figures = {"history": history_figure(records)}
+    if len(repertoire):
+        figures = {"repertoire": repertoire_figure(repertoire), **figures}
+    written = []
+    for name, figure in figures.items():
+        for suffix in FORMATS:
+            path = target / f"{name}.{suffix}"
+            with storage.replacing(path) as file, mpl.rc_context(_STYLE):
+                figure.savefig(file, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
+            written.append(path)
+    return written
+
+
+def repertoire_figure(repertoire: Repertoire) -> Figure:
+    """Descriptor space, ground-truth space where there is one, and trajectories where the observations are some."""
+    truth = repertoire.ground_truth
+    panels = [("Descriptor space", _draw_descriptors)]
+    if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
+        panels.append(("Ground truth", _draw_truth))
+        colors = two_dimensional_colors(truth[:, :2])
+    else:
+        colors = two_dimensional_colors(_plane(repertoire))
+    if repertoire.observation.ndim == 3 and repertoire.observation.shape[2] == 2:
+        panels.append(("Trajectories", _draw_trajectories))
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(4.4 * len(panels), 4.4), layout="constrained")
+        figure.suptitle(f"{len(repertoire):,} individuals", fontsize=11)
+        for axes, (title, draw) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+            axes.set_title(title)
+            draw(axes, repertoire, colors)
+    return figure
+
+
+def history_figure(records: Sequence[Record]) -> Figure:
+    """Repertoire size, l and reconstruction error over generations; what a run does not have is left out."""
+    labels = {"size": "individuals stored", "l": "distance threshold l", "rmse": "reconstruction RMSE, [-1, 1] scale"}
+    generation = np.array([record.generation for record in records])
+    columns = {name: np.array([getattr(record, name) for record in records], float) for name in labels}
+    columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(4.4 * max(len(columns), 1), 3.2), layout="constrained")
+        for axes, (name, values) in zip(figure.subplots(1, max(len(columns), 1), squeeze=False)[0], columns.items(), strict=False):
+            axes.plot(generation, values, color="#2646a0", linewidth=1.3)
+            axes.set(xlabel="generation", title=labels[name])
+            axes.set_xlim(left=0)
+            axes.set_ylim(0, 1.05 * max(np.nanmax(values), 1e-12))
+    return figure
+
+
+def two_dimensional_colors(places: np.ndarray) -> np.ndarray:
+    """A colour for each place, (n, 2) to (n, 3): four corners, blended, over the box of the places."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    x, y = ((places - low) / np.where(high > low, high - low, 1)).T[..., None]
+    bottom = (1 - x) * _CORNERS[0, 0] + x * _CORNERS[1, 0]
+    top = (1 - x) * _CORNERS[0, 1] + x * _CORNERS[1, 1]
+    return np.clip((1 - y) * bottom + y * top, 0, 1)
+
+
+def _plane(repertoire: Repertoire) -> np.ndarray:
+    """Two coordinates for each individual: the first two of its descriptor, or the only one and the fitness."""
+    descriptor = repertoire.descriptor
+    return descriptor[:, :2] if descriptor.shape[1] > 1 else np.column_stack([descriptor[:, 0], repertoire.fitness])
+
+
+def _draw_descriptors(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
+    _scatter(axes, _plane(repertoire), colors)
+    d = repertoire.descriptor.shape[1]
+    axes.set(xlabel="descriptor 1", ylabel="descriptor 2" if d > 1 else "fitness")
+    if d > 2:
+        axes.set_title(f"Descriptor space, 2 of {d} dimensions")
+
+
+def _draw_truth(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
+    assert repertoire.ground_truth is not None
+    _scatter(axes, repertoire.ground_truth[:, :2], colors)
+    axes.set(xlabel="ground truth 1", ylabel="ground truth 2")
+
+
+def _scatter(axes: Axes, places: np.ndarray, colors: np.ndarray) -> None:
+    size = np.clip(20_000 / len(places), 1.5, 30)
+    axes.scatter(*places.T, s=size, c=colors, linewidths=0, rasterized=True)
+
+
+def _draw_trajectories(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
+    n = len(repertoire)
+    shown = np.random.default_rng(0).permutation(n)[:_MOST_TRAJECTORIES]
+    axes.add_collection(
+        LineCollection(list(repertoire.observation[shown]), colors=colors[shown], linewidths=0.5, alpha=0.6, rasterized=True)
+    )
+    axes.autoscale()
+    axes.set(xlabel="x", ylabel="y")
+    if len(shown) < n:
+        axes.set_title(f"Trajectories, {len(shown)} of {n:,}")

@@ -1,0 +1,243 @@
+"""Run folders: what a run leaves on disk.
+
+    config.json              the settings, enough to run it again, and the versions and machine it ran on
+    history.csv              one `auroraqd.history.Record` a line
+    repertoire.safetensors   the columns of the archive, with the descriptor they were found with
+    figures/                 pictures
+
+Files are written beside their place, synced and moved there, so a crash leaves the old file or the new one, never half of
+one. Loading runs no code from a file: arrays are safetensors, scikit-learn estimators go through skops, and nothing is
+unpickled.
+"""
+
+import contextlib
+import csv
+import json
+import math
+import os
+import platform
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, is_dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save as save_tensors
+
+from auroraqd.aurora import Aurora
+from auroraqd.descriptor import Descriptor, Scaling
+from auroraqd.history import Record
+from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
+
+CONFIG, HISTORY, REPERTOIRE = "config.json", "history.csv", "repertoire.safetensors"
+_FORMAT = "auroraqd repertoire 1"
+_LEARNED = "learned"
+_VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba")
+
+
+def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any] | None = None) -> Path:
+    """Write a run folder, creating it if needed; its files are replaced.
+
+    Args:
+        aurora: the run.
+        folder: where.
+        config: what to keep as settings; by default those of `aurora`.
+
+    Returns:
+        The folder.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    config = {**(settings_of(aurora) if config is None else config), "environment": environment()}
+    _write(folder / CONFIG, (json.dumps(config, indent=2) + "\n").encode())
+    _write(folder / HISTORY, _history_csv(aurora.history.records).encode())
+    _write(folder / REPERTOIRE, _repertoire_bytes(aurora))
+    return folder
+
+
+def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoire:
+    """The repertoire of a run folder.
+
+    Args:
+        folder: as written by `auroraqd run` or `auroraqd.save`.
+        trusted: full names of the types, beyond scikit-learn's, that may be created to load the descriptor,
+            for instance `["mymodule.MyEncoder"]`. Needed by `Repertoire.describe` only.
+
+    Raises:
+        FileNotFoundError: the folder, or the repertoire in it, does not exist.
+        ValueError: the repertoire is damaged, or of another format.
+    """
+    path = _existing(folder, REPERTOIRE)
+    try:
+        with safe_open(path, framework="numpy") as file:
+            metadata = file.metadata() or {}
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dictionary
+    except (SafetensorError, OSError) as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+    if metadata.get("format") != _FORMAT:
+        raise ValueError(f"{path} must be of the format {_FORMAT!r}, got {metadata.get('format')!r}")
+    columns = {name: arrays.pop(name) for name in (*REQUIRED, *OPTIONAL) if name in arrays}
+    return Repertoire(columns, lambda: _load_descriptor(metadata, arrays, columns, trusted))
+
+
+def load_config(folder: str | os.PathLike) -> dict[str, Any]:
+    """The settings of a run folder.
+
+    Raises:
+        FileNotFoundError: there are none.
+        ValueError: they are damaged.
+    """
+    path = _existing(folder, CONFIG)
+    try:
+        config = json.loads(path.read_text())
+    except (ValueError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+    if not isinstance(config, dict):
+        raise ValueError(f"{path} must hold a JSON object")
+    return config
+
+
+def load_history(folder: str | os.PathLike) -> list[Record]:
+    """The records of a run folder.
+
+    Raises:
+        FileNotFoundError: there are none.
+        ValueError: they are damaged.
+    """
+    path = _existing(folder, HISTORY)
+    kinds = Record.__annotations__.values()
+    try:
+        with path.open(newline="") as file:
+            header, *rows = csv.reader(file)
+        if tuple(header) != Record._fields:
+            raise ValueError(f"the columns must be {', '.join(Record._fields)}")
+        return [Record(*(kind(value) for kind, value in zip(kinds, row, strict=True))) for row in rows]
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def settings_of(aurora: Aurora) -> dict[str, Any]:
+    """The settings of a run as JSON values."""
+    archive = aurora.archive
+    options = {name: getattr(archive, name) for name in ("k", "epsilon", "competition", "capacity") if hasattr(archive, name)}
+    return {
+        "n_genes": aurora.n_genes,
+        "descriptor": repr(aurora.descriptor.source),
+        "seed": aurora.seed,
+        "batch_size": aurora.batch_size,
+        "archive": {"type": type(archive).__name__, **options},
+        **{name: as_json(getattr(aurora, name)) for name in ("selection", "variation", "resolution", "schedule")},
+    }
+
+
+def as_json(strategy: Any) -> Any:
+    """A strategy as its type and fields, or what it is called if it is no dataclass."""
+    if is_dataclass(strategy) and not isinstance(strategy, type):
+        return {"type": type(strategy).__name__, **asdict(strategy)}
+    return None if strategy is None else getattr(strategy, "__qualname__", repr(strategy))
+
+
+def environment() -> dict[str, Any]:
+    """What bit-for-bit repetition depends on besides the settings."""
+    return {
+        "python": platform.python_version(),
+        **{name: version(name) for name in _VERSIONS},
+        "machine": platform.machine(),
+        "system": platform.system(),
+        "cores": os.cpu_count(),
+    }
+
+
+def _history_csv(records: Sequence[Record]) -> str:
+    lines = [",".join(Record._fields)]
+    lines += [",".join("nan" if isinstance(v, float) and math.isnan(v) else repr(v) for v in record) for record in records]
+    return "\n".join(lines) + "\n"
+
+
+def _repertoire_bytes(aurora: Aurora) -> bytes:
+    archive, descriptor = aurora.archive, aurora.descriptor
+    arrays = {name: getattr(archive, name) for name in (*REQUIRED, *OPTIONAL) if getattr(archive, name) is not None}
+    metadata = {"format": _FORMAT, "descriptor": _LEARNED if descriptor.learned else str(descriptor.source)}
+    if descriptor.learned and descriptor.scaling is not None:
+        arrays["scaling.low"], arrays["scaling.high"] = descriptor.scaling
+        transformer = _transformer_bytes(descriptor.source)
+        if transformer is not None:
+            arrays["transformer.skops"] = np.frombuffer(transformer, np.uint8)
+    return save_tensors({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
+
+
+def _transformer_bytes(transformer: Any) -> bytes | None:
+    import skops.io
+
+    try:
+        return skops.io.dumps(transformer)
+    except Exception as error:  # whatever a foreign object raises, the repertoire itself must not be lost
+        warnings.warn(
+            f"{type(transformer).__name__} cannot be saved with the repertoire, which will not be able to describe new "
+            f"observations: {error}",
+            stacklevel=2,
+        )
+        return None
+
+
+def _load_descriptor(
+    metadata: Mapping[str, str], arrays: Mapping[str, np.ndarray], columns: Mapping[str, np.ndarray], trusted: Sequence[str]
+) -> Descriptor:
+    if metadata["descriptor"] != _LEARNED:
+        return Descriptor(metadata["descriptor"])
+    if "transformer.skops" not in arrays:
+        raise ValueError("the repertoire was saved without its transformer")
+    import skops.io
+
+    try:
+        transformer = skops.io.loads(arrays["transformer.skops"].tobytes(), trusted=list(trusted))
+    except skops.io.exceptions.UntrustedTypesFoundException as error:
+        raise ValueError(f"the descriptor needs types that are not trusted: {error}") from None
+    scaling = Scaling(arrays["scaling.low"], arrays["scaling.high"])
+    return Descriptor(transformer).restored(scaling, math.prod(columns["observation"].shape[1:]))
+
+
+def _existing(folder: str | os.PathLike, name: str) -> Path:
+    if not Path(folder).is_dir():
+        raise FileNotFoundError(f"there is no folder {os.fspath(folder)}")
+    path = Path(folder) / name
+    if not path.is_file():
+        raise FileNotFoundError(f"{os.fspath(folder)} is no run folder: there is no {name} in it")
+    return path
+
+
+def _write(path: Path, content: bytes) -> None:
+    with replacing(path) as file:
+        file.write(content)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Any]:
+    """A binary file that takes the place of `path` when it is complete and on disk, and not before."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    _sync_folder(path.parent)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the move itself last; not every system can open a folder."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

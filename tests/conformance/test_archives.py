@@ -1,0 +1,210 @@
+"""What every archive promises. A new archive adds one entry to ARCHIVES."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+import auroraqd
+
+ARCHIVES = {
+    "unstructured": lambda **options: auroraqd.UnstructuredArchive(l=0.05, **options),
+    "unstructured-elitist": lambda **options: auroraqd.UnstructuredArchive(l=0.05, competition="elitist", **options),
+}
+
+
+@pytest.fixture(params=ARCHIVES)
+def make(request):
+    return ARCHIVES[request.param]
+
+
+@pytest.fixture
+def archive(make):
+    return make()
+
+
+def individuals(n, seed=0, dtype=np.float64):
+    rng = np.random.default_rng(seed)
+    return {
+        "genotype": rng.random((n, 3)),
+        "fitness": rng.random(n),
+        "observation": (255 * rng.random((n, 4, 2))).astype(dtype),
+        "descriptor": rng.random((n, 2)),
+    }
+
+
+def test_empty(archive):
+    assert len(archive) == 0
+    assert archive.fitness.shape == archive.id.shape == archive.curiosity.shape == (0,)
+    assert archive.genotype.shape[0] == archive.observation.shape[0] == archive.descriptor.shape[0] == 0
+    assert archive.ground_truth is None
+    archive.credit(np.array([3]), np.array([1]))
+    archive.redescribe(np.empty((0, 2)))
+    assert len(archive) == 0
+
+
+def test_columns_belong_together(archive):
+    rows = individuals(500)
+    tag = np.arange(500.0)
+    status = archive.add(**rows, ground_truth=tag[:, None])
+    assert set(status.tolist()) <= {0, 1, 2}
+    assert status.dtype == np.int8
+    assert status.shape == (500,)
+    source = archive.ground_truth[:, 0].astype(int)
+    for name, values in rows.items():
+        assert_array_equal(getattr(archive, name), values[source])
+    assert np.count_nonzero(status == 1) == len(archive)
+    assert (status[source] > 0).all()
+    assert_array_equal(archive.curiosity, 0)
+
+
+def test_batch_equals_one_by_one(make):
+    rows = individuals(300)
+    together, apart = make(), make()
+    status = together.add(**rows)
+    single = [apart.add(**{name: values[i : i + 1] for name, values in rows.items()})[0] for i in range(300)]
+    assert_array_equal(status, single)
+    for name in (*rows, "id"):
+        assert_array_equal(getattr(together, name), getattr(apart, name))
+
+
+def test_columns_are_read_only_and_keep_dtype(archive):
+    archive.add(**individuals(20, dtype=np.uint8))
+    assert archive.observation.dtype == np.uint8
+    for name in ("genotype", "fitness", "observation", "descriptor", "curiosity", "id"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(archive, name)[0] = 0
+
+
+def test_ids_are_unique_and_never_given_twice(archive):
+    seen = {}
+    for seed in range(20):
+        archive.add(**individuals(100, seed))
+        assert len(set(archive.id.tolist())) == len(archive)
+        for identity, genotype in zip(archive.id.tolist(), archive.genotype.tolist(), strict=True):
+            assert seen.setdefault(identity, genotype) == genotype
+
+
+@pytest.mark.parametrize("name", ["fitness", "observation", "descriptor"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_invalid_rows_are_not_stored(archive, name, value):
+    rows = individuals(10)
+    rows[name][3] = value
+    status = archive.add(**rows)
+    assert_array_equal(np.flatnonzero(status == -1), [3])
+    assert np.isfinite(getattr(archive, name)).all()
+    assert rows["genotype"][3].tolist() not in archive.genotype.tolist()
+
+
+def test_only_invalid_rows(archive):
+    rows = individuals(4)
+    rows["fitness"][:] = np.nan
+    assert_array_equal(archive.add(**rows), -1)
+    assert len(archive) == 0
+    other = individuals(4)
+    other["descriptor"] = other["descriptor"][:, :1]  # nothing is stored yet, so nothing is decided
+    archive.add(**other)
+    assert archive.descriptor.shape[1] == 1
+
+
+def test_empty_batch(archive):
+    assert archive.add(**individuals(0)).shape == (0,)
+    archive.add(**individuals(5))
+    assert archive.add(**individuals(0)).shape == (0,)
+
+
+def test_curiosity_goes_to_parents_by_id(archive):
+    archive.add(**individuals(50))
+    first, second, third = archive.id[:3]
+    archive.credit(np.array([first, first, second, third, -1, 10**9]), np.array([1, 2, 0, -1, 1, 1]))
+    expected = np.zeros(len(archive))
+    expected[:3] = [2, -0.5, -0.5]
+    assert_array_equal(archive.curiosity, expected)
+
+
+def test_a_replaced_parent_is_passed_over(archive):
+    """Curiosity must not go to who took its place."""
+    rng = np.random.default_rng(0)
+    for seed in range(30):
+        ids = archive.id.copy()
+        archive.add(**individuals(40, seed))
+        before = dict(zip(archive.id.tolist(), archive.curiosity.tolist(), strict=True))
+        parents = rng.choice(ids, 20) if len(ids) else np.array([], int)
+        archive.credit(parents, np.ones(len(parents), int))
+        for identity, curiosity in zip(archive.id.tolist(), archive.curiosity.tolist(), strict=True):
+            assert curiosity == before[identity] + np.count_nonzero(parents == identity)
+
+
+def test_redescribe_keeps_ids_and_curiosity(archive):
+    for seed in range(5):
+        archive.add(**individuals(100, seed))
+        archive.credit(archive.id[::3], np.ones(len(archive.id[::3])))
+    by_id = {
+        i: (g.tolist(), c) for i, g, c in zip(archive.id.tolist(), archive.genotype, archive.curiosity.tolist(), strict=True)
+    }
+    order = np.argsort(archive.id)
+    oldest = archive.id[order[0]]
+    before = len(archive)
+    archive.redescribe(archive.descriptor * 0.5)
+    assert 0 < len(archive) < before
+    for identity, genotype, curiosity in zip(archive.id.tolist(), archive.genotype, archive.curiosity.tolist(), strict=True):
+        assert by_id[identity] == (genotype.tolist(), curiosity)
+    assert archive.id.min() >= oldest
+    next_id = max(by_id) + 1
+    archive.add(**individuals(100, 77))
+    assert archive.id.max() >= next_id
+    archive.credit(archive.id, np.ones(len(archive)))  # ids are found in their new rows
+
+
+def test_redescribe_may_change_the_dimensions(archive):
+    archive.add(**individuals(50))
+    archive.redescribe(np.random.default_rng(0).random((len(archive), 5)))
+    assert archive.descriptor.shape == (len(archive), 5)
+    rows = individuals(10)
+    rows["descriptor"] = np.random.default_rng(1).random((10, 5))
+    archive.add(**rows)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((1, 2)), np.zeros(3), np.full((1, 2), np.nan)])
+def test_bad_redescribe_changes_nothing(archive, bad):
+    archive.add(**individuals(50))
+    bad = np.resize(bad, (len(archive), 2)) if np.isnan(bad).all() else bad
+    before = archive.descriptor.copy()
+    with pytest.raises(ValueError, match="descriptor must"):
+        archive.redescribe(bad)
+    assert_array_equal(archive.descriptor, before)
+
+
+def wrong(**changes):
+    rows = individuals(4)
+    return {**rows, **changes}
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (wrong(fitness=np.zeros(3)), "fitness must have 4 rows"),
+        (wrong(fitness=np.zeros((4, 1))), r"fitness must have shape \(n,\), got \(4, 1\)"),
+        (wrong(descriptor=np.zeros(4)), "descriptor must have shape"),
+        (wrong(descriptor=np.zeros((4, 3))), r"descriptor must have shape \('n', 2\), as before"),
+        (wrong(genotype=np.zeros(3)), "genotype must have shape"),
+        (wrong(genotype=np.full((4, 3), np.nan)), "genotype must be finite"),
+        (wrong(observation=np.zeros((4, 2, 2))), "observation must have shape"),
+        (wrong(observation=np.array(["a"] * 4)), "observation must be an array of numbers"),
+        (wrong(observation=[[1], [2, 3], [4], [5]]), "observation must be an array of numbers"),
+        (wrong(fitness="best"), "fitness must be"),
+        (wrong(ground_truth=np.zeros((4, 2))), "ground_truth must not be given"),
+    ],
+)
+def test_bad_rows_change_nothing(archive, rows, message):
+    archive.add(**individuals(10))
+    before = {name: getattr(archive, name).copy() for name in ("genotype", "id", "descriptor")}
+    with pytest.raises(ValueError, match=message):
+        archive.add(**rows)
+    for name, values in before.items():
+        assert_array_equal(getattr(archive, name), values)
+
+
+def test_dtype_may_not_change(archive):
+    archive.add(**individuals(10, dtype=np.uint8))
+    with pytest.raises(ValueError, match="observation must have dtype uint8"):
+        archive.add(**individuals(10, 1))

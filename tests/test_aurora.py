@@ -1,0 +1,417 @@
+"""The loop: ask, tell, run."""
+
+import signal
+import threading
+import time
+
+import naive
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.decomposition import PCA
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+import auroraqd
+from auroraqd import Aurora, TaskError
+
+COLUMNS = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id")
+
+
+def circle(genotypes):
+    """A user's own task: a plain function."""
+    angle = 2 * np.pi * genotypes[:, 0]
+    radius = genotypes[:, 1]
+    steps = np.linspace(0, 1, 5)[:, None, None]
+    observation = (steps * (radius * np.array([np.cos(angle), np.sin(angle)])).T).transpose(1, 0, 2)
+    return -radius, observation
+
+
+def state(aurora):
+    return {name: getattr(aurora.archive, name).copy() for name in COLUMNS}
+
+
+def assert_same(a, b):
+    for name, values in state(a).items():
+        assert_array_equal(values, getattr(b.archive, name), err_msg=name)
+    assert [r._replace(seconds=0) for r in a.history.records] == [r._replace(seconds=0) for r in b.history.records]
+    assert_array_equal(a.ask(), b.ask())
+
+
+@pytest.fixture
+def ballistic():
+    return auroraqd.tasks.Ballistic()
+
+
+def test_five_lines():
+    task = auroraqd.tasks.Ballistic()
+    aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0)
+    aurora.run(task, generations=20)
+    assert len(aurora.archive) > 1000
+    assert aurora.archive.descriptor.shape == (len(aurora.archive), 2)
+
+
+def test_a_plain_function_and_its_own_shape():
+    aurora = Aurora(2, PCA(n_components=1), seed=0, batch_size=50).run(circle, generations=30)
+    assert aurora.archive.observation.shape == (len(aurora.archive), 5, 2)
+    assert aurora.archive.ground_truth is None
+    assert aurora.evaluations == 1500
+
+
+def test_ask_tell_is_run(ballistic):
+    by_run = Aurora(2, PCA(n_components=2), seed=3).run(ballistic, generations=60)
+    by_hand = Aurora(2, PCA(n_components=2), seed=3)
+    for _ in range(60):
+        status = by_hand.tell(*ballistic(by_hand.ask()))
+        assert status.shape == (200,)
+    assert_same(by_run, by_hand)
+
+
+@pytest.mark.parametrize("descriptor", [PCA(n_components=2), "hand-coded", "genotype"], ids=str)
+def test_a_seed_reproduces_a_run_bit_for_bit(ballistic, descriptor):
+    assert_same(*(Aurora(2, descriptor, seed=7).run(ballistic, generations=60) for _ in range(2)))
+
+
+def test_seeds_differ(ballistic):
+    one, two = (Aurora(2, "genotype", seed=seed).run(ballistic, generations=2) for seed in (1, 2))
+    assert one.archive.genotype.tolist() != two.archive.genotype.tolist()
+
+
+def test_an_estimator_without_a_seed_gets_one(ballistic):
+    pca = PCA(n_components=2, svd_solver="randomized")
+    assert_same(*(Aurora(2, pca, seed=7).run(ballistic, generations=3) for _ in range(2)))
+    assert pca.random_state is None  # the user's object is not touched
+    assert not hasattr(pca, "components_")
+
+
+def test_run_goes_on(ballistic):
+    at_once = Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=60)
+    in_parts = Aurora(2, PCA(n_components=2), seed=0)
+    for generations in (1, 49, 10):
+        in_parts.run(ballistic, generations=generations)
+    assert_same(at_once, in_parts)
+
+
+def test_an_unmutated_copy_never_replaces_its_parent(ballistic):
+    """Rounding in batches of different sizes must not make a copy look more novel, also over refits."""
+    aurora = Aurora(2, PCA(n_components=2), seed=0, variation=lambda parents, rng: parents.copy())
+    aurora.run(ballistic, generations=1)
+    stored, first = set(aurora.archive.id.tolist()), aurora.history.last
+    aurora.run(ballistic, generations=160)
+    last = aurora.history.last
+    assert set(aurora.archive.id.tolist()) <= stored
+    assert (last.new, last.replaced) == (first.new, first.replaced)
+    assert last.rejected > 30_000
+
+
+def test_updates_follow_the_schedule(ballistic):
+    aurora = Aurora(2, PCA(n_components=2), seed=0, schedule=auroraqd.Every(10))
+    components = []
+    aurora.run(ballistic, generations=31, callback=lambda run: components.append(run.descriptor.source.components_.copy()))
+    changed = [g for g in range(1, 31) if not np.array_equal(components[g], components[g - 1])]
+    assert changed == [10, 20, 30]
+
+
+def test_after_an_update_all_are_described_anew(ballistic):
+    aurora = Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=51)
+    archive = aurora.archive
+    x = archive.observation
+    low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
+    scaling = aurora.descriptor.scaling
+    assert (scaling.low <= low).all()  # fitted on all that was stored then, of whom most are still there
+    scaled = ((x - scaling.low) / (scaling.high - scaling.low) * 2 - 1).reshape(len(x), -1)
+    pca = aurora.descriptor.source
+    assert_allclose(archive.descriptor, pca.transform(scaled), atol=1e-9)
+    error = np.sqrt(((pca.inverse_transform(pca.transform(scaled)) - scaled) ** 2).mean(axis=1))
+    assert_allclose(archive.reconstruction_error, error, atol=1e-9)
+    assert_allclose(aurora.history.last.rmse, error.mean(), atol=1e-9)
+    assert_allclose(aurora.describe(x[:7]), archive.descriptor[:7], atol=1e-9)
+
+
+def test_a_whole_generation_by_hand(ballistic):
+    """Generation 0: fit on the first batch, l from it, then the addition rule."""
+    aurora = Aurora(2, "hand-coded", seed=0)
+    genotypes = aurora.ask()
+    fitness, observation, truth = ballistic(genotypes)
+    status = aurora.tell(fitness, observation, truth)
+    valid = np.isfinite(fitness)
+    l = naive.largest_distance(truth[valid]) / np.sqrt(60000)
+    assert_allclose(aurora.archive.l, l)
+    twin = naive.UnstructuredArchive(aurora.archive.l)
+    assert_array_equal(status[valid], twin.add(truth[valid], fitness[valid]))
+    assert_array_equal(status[~valid], -1)
+
+
+def test_curiosity_follows_the_offspring(ballistic):
+    aurora = Aurora(2, "hand-coded", seed=0).run(ballistic, generations=1)
+    parents = {}
+
+    class Remembering:
+        def __call__(self, archive, n, rng):
+            rows = auroraqd.Uniform()(archive, n, rng)
+            parents["id"] = archive.id[rows]
+            return rows
+
+    aurora.selection = Remembering()
+    before = dict(zip(aurora.archive.id.tolist(), aurora.archive.curiosity.tolist(), strict=True))
+    status = aurora.tell(*ballistic(aurora.ask()))
+    for identity, curiosity in zip(aurora.archive.id.tolist(), aurora.archive.curiosity.tolist(), strict=True):
+        children = status[parents["id"] == identity]
+        expected = before.get(identity, 0) + np.where(children > 0, 1, -0.5).sum()
+        assert curiosity == expected
+    assert (status == -1).any() or (status == 0).any()
+
+
+def test_iso_line_gets_pairs(ballistic):
+    aurora = Aurora(2, "hand-coded", seed=0, variation=auroraqd.IsoLine()).run(ballistic, generations=20)
+    assert len(aurora.archive) > 500
+
+
+def test_budgets(ballistic):
+    aurora = Aurora(2, "genotype", seed=0)
+    aurora.run(ballistic, evaluations=900)
+    assert aurora.evaluations == 1000  # whole generations
+    aurora.run(ballistic, generations=10**9, seconds=0.2)
+    assert aurora.generation > 5
+    done = aurora.generation
+    aurora.run(ballistic, generations=0)
+    assert aurora.generation == done
+    aurora.run(ballistic, generations=10, callback=lambda run: run.generation == done + 4)
+    assert aurora.generation == done + 4
+    with pytest.raises(ValueError, match="budget"):
+        aurora.run(ballistic)
+    with pytest.raises(ValueError, match="generations must be 0 or more"):
+        aurora.run(ballistic, generations=-1)
+
+
+def test_known_controllers_come_first(ballistic):
+    known = np.array([[0.25, 0.75], [0.5, 0.5]])
+    seen = []
+    aurora = Aurora(2, "hand-coded", seed=0, batch_size=10)
+    aurora.run(lambda g: seen.append(g) or ballistic(g), generations=2, initial=known)
+    assert_array_equal(seen[0][:2], known)
+    assert [len(batch) for batch in seen] == [10, 10]
+    aurora.run(lambda g: seen.append(g) or ballistic(g), generations=1, initial=known)
+    assert_array_equal(seen[2], known)
+    assert aurora.evaluations == 22
+    with pytest.raises(ValueError, match=r"genotypes must be in \[0, 1\]"):
+        aurora.run(ballistic, generations=1, initial=known * 2)
+    with pytest.raises(ValueError, match="genotypes must have shape"):
+        aurora.run(ballistic, generations=1, initial=known[0])
+
+
+@pytest.mark.parametrize("batch_size", [1, 2, 3])
+def test_small_batches_wait_for_the_first_fit(batch_size):
+    """A robot that tries one controller at a time: PCA(2) needs three observations."""
+    aurora = Aurora(2, PCA(n_components=2), seed=0, batch_size=batch_size).run(circle, generations=2)
+    assert len(aurora.archive) == (0 if batch_size == 1 else aurora.history.last.new)
+    aurora.run(circle, generations=30)
+    last = aurora.history.last
+    assert last.new + last.replaced + last.rejected + last.invalid == aurora.evaluations == 32 * batch_size
+    assert len(aurora.archive) > 2
+
+
+def test_prior_data_fit_once(ballistic):
+    _, prior, _ = ballistic(np.random.default_rng(0).random((500, 2)))
+    aurora = Aurora(2, PCA(n_components=2), seed=0, prior=prior)
+    before = aurora.descriptor.source.components_.copy()
+    aurora.run(ballistic, generations=51)
+    assert_array_equal(aurora.descriptor.source.components_, before)
+    assert len({record.l for record in aurora.history.records}) == 2  # l is redefined all the same
+    with pytest.raises(ValueError, match="prior"):
+        Aurora(2, "genotype", prior=prior)
+
+
+def test_never_keeps_l(ballistic):
+    archive = auroraqd.UnstructuredArchive(l=0.1)
+    aurora = Aurora(2, "genotype", seed=0, archive=archive, schedule=auroraqd.Never()).run(ballistic, generations=20)
+    assert aurora.archive.l == 0.1
+
+
+def test_folding_a_pipeline_changes_nothing(ballistic):
+    """An affine chain becomes one matrix; its answers stay those of the estimator."""
+    observation = ballistic(np.random.default_rng(0).random((300, 2)))[1]
+    chain = make_pipeline(StandardScaler(), PCA(n_components=3, whiten=True))
+    aurora = Aurora(2, chain, seed=0).run(ballistic, generations=1)
+    descriptor = aurora.descriptor
+    x = descriptor.flatten(observation)
+    assert_allclose(aurora.describe(observation), descriptor.source.transform(x), atol=1e-9)
+    assert type(descriptor.encode).__name__ == "_Affine"
+    assert_allclose(descriptor.decode(x[:, :3]), descriptor.source.inverse_transform(x[:, :3]), atol=1e-9)
+
+
+class Summary:
+    """A descriptor of a user's own, without inverse_transform."""
+
+    def fit(self, x):
+        self.center = x.mean(axis=0)
+        return self
+
+    def transform(self, x):
+        return (x - self.center)[:, -2:]
+
+
+def test_any_object_with_fit_and_transform():
+    aurora = Aurora(2, Summary(), seed=0).run(circle, generations=10)
+    assert aurora.archive.reconstruction_error is None
+    assert np.isnan(aurora.history.last.rmse)
+
+
+def test_images_stay_uint8():
+    def images(genotypes):
+        picture = np.outer(np.arange(8), np.arange(8))[None, :, :, None] * genotypes[:, :1, None, None]
+        return np.zeros(len(genotypes)), np.repeat(picture, 3, axis=3).astype(np.uint8)
+
+    aurora = Aurora(2, PCA(n_components=2), seed=0, batch_size=20).run(images, generations=5)
+    assert aurora.archive.observation.dtype == np.uint8
+    assert aurora.archive.observation.shape[1:] == (8, 8, 3)
+
+
+def test_constant_observations_are_one_behaviour():
+    with pytest.warns(RuntimeWarning, match="invalid value"):  # scikit-learn's share of variance of no variance
+        aurora = Aurora(2, PCA(n_components=2), seed=0).run(lambda g: (np.zeros(len(g)), np.ones((len(g), 3))), generations=2)
+    assert len(aurora.archive) == 1
+
+
+def test_invalid_rows_are_counted_and_debited(ballistic):
+    def crashing(genotypes):
+        fitness, observation, truth = ballistic(genotypes)
+        observation[::4] = np.nan
+        return fitness, observation, truth
+
+    aurora = Aurora(2, PCA(n_components=2), seed=0).run(crashing, generations=5)
+    assert aurora.history.last.invalid >= 250
+    assert np.isfinite(aurora.archive.observation).all()
+    assert aurora.archive.curiosity.min() < 0
+
+
+def test_a_task_that_never_works():
+    broken = named(lambda g: (np.full(len(g), np.nan), np.ones((len(g), 3))))
+    for descriptor in (PCA(n_components=2), "genotype"):
+        with pytest.raises(TaskError, match=r"task circle gave no valid individual in 10 generations"):
+            Aurora(2, descriptor).run(broken, generations=20)
+
+
+def named(function):
+    function.__name__ = "circle"
+    return function
+
+
+@pytest.mark.parametrize(
+    ("result", "message"),
+    [
+        (lambda g: np.zeros(len(g)), "must return a tuple of fitness, observation"),
+        (lambda g: None, "got NoneType"),
+        (lambda g: (np.zeros(len(g)),), "got tuple of 1"),
+        (lambda g: (np.zeros(3), np.zeros((len(g), 2))), r"fitness must have 5 rows, one for each genotype, got shape \(3,\)"),
+        (lambda g: (np.zeros((5, 1)), np.zeros((5, 2))), r"fitness must have shape \(5,\), got \(5, 1\)"),
+        (lambda g: (np.zeros(5), np.zeros((4, 2))), "observation must have 5 rows"),
+        (lambda g: (np.zeros(5), np.zeros((5, 0))), "observation must have entries"),
+        (lambda g: (np.zeros(5), [[1], [1, 2], [1], [1], [1]]), "rows of one shape"),
+        (lambda g: (np.zeros(5), np.array(list("abcde"))), "observation must be numbers"),
+        (lambda g: (np.zeros(5), np.zeros((5, 2)), 1.0), "ground_truth must have 5 rows"),
+        (lambda g: 1 / 0, "raised ZeroDivisionError: division by zero"),
+    ],
+)
+def test_bad_tasks_get_a_clear_error_and_lose_nothing(result, message):
+    aurora = Aurora(2, PCA(n_components=2), seed=0, batch_size=5).run(circle, generations=3)
+    before = state(aurora)
+    with pytest.raises(TaskError, match=message) as error:
+        aurora.run(named(result), generations=1)
+    assert str(error.value).startswith("task circle at generation 3")
+    for name, values in before.items():
+        assert_array_equal(values, getattr(aurora.archive, name))
+    undisturbed = Aurora(2, PCA(n_components=2), seed=0, batch_size=5).run(circle, generations=6)
+    assert_same(aurora.run(circle, generations=3), undisturbed)
+
+
+def test_a_shape_that_changes_midway():
+    aurora = Aurora(2, PCA(n_components=2), seed=0, batch_size=5).run(circle, generations=3)
+    with pytest.raises(TaskError, match=r"observation must have shape \('n', 5, 2\), as before, got \(5, 4, 2\)"):
+        aurora.run(lambda g: (np.zeros(len(g)), np.zeros((len(g), 4, 2))), generations=1)
+    with pytest.raises(TaskError, match="ground_truth must be given for every generation or for none"):
+        aurora.run(lambda g: (*circle(g), np.zeros((len(g), 2))), generations=1)
+
+
+def test_call_order_and_told_shapes(ballistic):
+    aurora = Aurora(2, PCA(n_components=2), seed=0)
+    with pytest.raises(RuntimeError, match="tell was called before ask"):
+        aurora.tell(np.zeros(200), np.zeros((200, 50, 2)))
+    genotypes = aurora.ask()
+    with pytest.raises(RuntimeError, match="ask was called twice"):
+        aurora.ask()
+    with pytest.raises(ValueError, match="fitness must have 200 rows"):
+        aurora.tell(np.zeros(199), np.zeros((200, 50, 2)))
+    aurora.tell(*ballistic(genotypes))
+    assert_same(aurora, Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=1))
+
+
+def test_hand_coded_needs_a_ground_truth():
+    with pytest.raises(TaskError, match="the task gives none"):
+        Aurora(2, "hand-coded", seed=0).run(circle, generations=1)
+
+
+def test_a_descriptor_that_fails_changes_nothing():
+    class Failing(Summary):
+        def transform(self, x):
+            z = super().transform(x)
+            return z * np.nan if len(x) > 300 else z
+
+    aurora = Aurora(2, Failing(), seed=0, schedule=auroraqd.Every(3)).run(circle, generations=3)
+    before, l = state(aurora), aurora.archive.l
+    assert len(aurora.archive) > 300
+    with pytest.raises(TaskError, match="the transform of Failing gave a NaN"):
+        aurora.run(circle, generations=1)
+    for name, values in before.items():
+        assert_array_equal(values, getattr(aurora.archive, name))
+    assert aurora.archive.l == l
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"n_genes": 0}, ValueError, "n_genes must be"),
+        ({"n_genes": 2.5}, ValueError, "n_genes must be"),
+        ({"batch_size": 0}, ValueError, "batch_size must be"),
+        ({"descriptor": "pca"}, ValueError, "descriptor must be 'hand-coded', 'genotype' or a transformer, got 'pca'"),
+        ({"descriptor": PCA}, TypeError, "descriptor must be"),
+        ({"descriptor": 3}, TypeError, "descriptor must be"),
+        ({"selection": auroraqd.Uniform}, TypeError, "selection must be callable, an instance"),
+        ({"variation": 1}, TypeError, "variation must be"),
+        ({"archive": []}, TypeError, "archive must be"),
+    ],
+)
+def test_bad_arguments(arguments, error, message):
+    with pytest.raises(error, match=message):
+        Aurora(**{"n_genes": 2, "descriptor": "genotype", **arguments})
+
+
+def test_ctrl_c_loses_nothing(ballistic):
+    """Interrupted at any moment, a run goes on as if nothing had happened."""
+    undisturbed = Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=120)
+    aurora = Aurora(2, PCA(n_components=2), seed=0)
+    rng = np.random.default_rng(0)
+    interrupted = 0
+    while aurora.generation < 120:
+        timer = threading.Timer(rng.uniform(0.001, 0.02), signal.raise_signal, [signal.SIGINT])
+        try:
+            timer.start()
+            aurora.run(ballistic, generations=120 - aurora.generation)
+            timer.join()
+            time.sleep(0.05)  # let a late signal arrive here
+        except KeyboardInterrupt:
+            interrupted += 1
+    assert interrupted > 3
+    assert_same(aurora, undisturbed)
+
+
+def test_history_of_a_long_run_is_thinned():
+    from auroraqd.history import History, Record
+
+    history = History(limit=100)
+    for generation in range(1, 1001):
+        history.append(Record(generation, generation * 10, 1, 0.1, 0, 0, 0, 0, 0.0, 0.0))
+    generations = history.column("generation")
+    assert len(history) <= 101
+    assert generations[-1] == 1000
+    assert len(set(np.diff(generations[:-1]))) == 1

@@ -1,0 +1,172 @@
+"""Selection, variation, resolution, schedule."""
+
+import dataclasses
+
+import naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+import auroraqd
+from auroraqd.resolution import largest_distance
+
+
+@pytest.fixture
+def archive():
+    archive = auroraqd.UnstructuredArchive(l=0.01)
+    x = np.linspace(0, 1, 20)[:, None]
+    archive.add(x, np.zeros(20), x, x)
+    return archive
+
+
+def test_values_not_objects():
+    """Strategies are values: equal, hashable, printable."""
+    for kind in (auroraqd.Uniform, auroraqd.Curiosity, auroraqd.Polynomial, auroraqd.Gaussian, auroraqd.VAT, auroraqd.Doubling):
+        assert kind() == kind()
+        assert hash(kind()) == hash(kind())
+        assert eval(repr(kind()), vars(auroraqd) | {kind.__name__: kind}) == kind()
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            kind().anything = 1
+
+
+def frequencies(selection, archive, n=200_000):
+    rows = selection(archive, n, np.random.default_rng(0))
+    assert rows.shape == (n,)
+    return np.bincount(rows, minlength=len(archive)) / n
+
+
+def test_uniform(archive):
+    assert_allclose(frequencies(auroraqd.Uniform(), archive), 1 / 20, atol=0.003)
+
+
+def test_curiosity_is_uniform_while_scores_are_equal(archive):
+    assert_allclose(frequencies(auroraqd.Curiosity(), archive), 1 / 20, atol=0.003)
+
+
+def test_curiosity_is_a_roulette_over_shifted_scores(archive):
+    archive.credit(archive.id[[0, 0, 1, 2, 2, 2]], np.array([1, 1, 0, 1, 0, 1]))  # 2, -0.5, 1.5
+    weights = np.full(20, 0.5)
+    weights[:3] = [2.5, 0, 2.0]
+    found = frequencies(auroraqd.Curiosity(), archive)
+    assert_allclose(found, weights / weights.sum(), atol=0.003)
+    assert found[1] == 0
+
+
+def test_curiosity_does_not_shift_positive_scores(archive):
+    archive.credit(np.tile(archive.id, 2), np.ones(40))
+    archive.credit(archive.id[:1], np.ones(1))
+    found = frequencies(auroraqd.Curiosity(), archive)
+    assert_allclose(found, np.r_[3, np.full(19, 2)] / 41, atol=0.003)
+
+
+VARIATIONS = [
+    auroraqd.Polynomial(),
+    auroraqd.Polynomial(rate=1, eta=0),
+    auroraqd.Gaussian(sigma=0.5),
+    auroraqd.Gaussian(rate=0.2),
+    auroraqd.IsoLine(line_sigma=2),
+]
+
+
+@pytest.mark.parametrize("vary", VARIATIONS, ids=repr)
+@pytest.mark.parametrize("n_genes", [1, 2, 30])
+def test_children_are_legal_and_parents_unharmed(vary, n_genes):
+    rng = np.random.default_rng(0)
+    shape = (300, n_genes) if getattr(vary, "n_parents", 1) == 1 else (300, vary.n_parents, n_genes)
+    parents = rng.choice([0.0, 1.0, 0.5], shape)
+    before = parents.copy()
+    children = vary(parents, rng)
+    assert children.shape == (300, n_genes)
+    assert ((children >= 0) & (children <= 1)).all()
+    assert_array_equal(parents, before)
+
+
+def test_polynomial_rates():
+    rng = np.random.default_rng(0)
+    parents = np.full((50_000, 2), 0.5)
+    changed = auroraqd.Polynomial(at_least_one=False)(parents, rng) != parents
+    assert_allclose(changed.mean(), 0.1, atol=0.003)
+    assert_allclose((~changed.any(axis=1)).mean(), 0.81, atol=0.005)
+    changed = auroraqd.Polynomial()(parents, rng) != parents
+    assert changed.any(axis=1).all()
+    assert_allclose(changed.mean(axis=0), 0.1 + 0.81 / 2, atol=0.01)
+
+
+def test_polynomial_steps_have_their_distribution():
+    """delta = (2r)^(1/(eta+1)) - 1 below the median, mirrored above: P(|delta| < s) = 1 - (1 - s)^(eta+1)."""
+    steps = auroraqd.Polynomial(rate=1, eta=10)(np.full((200_000, 1), 0.5), np.random.default_rng(0)) - 0.5
+    assert_allclose(steps.mean(), 0, atol=0.001)
+    for s in (0.02, 0.1, 0.3):
+        assert_allclose((np.abs(steps) < s).mean(), 1 - (1 - s) ** 11, atol=0.005)
+
+
+def test_gaussian_steps():
+    steps = auroraqd.Gaussian(sigma=0.02)(np.full((100_000, 2), 0.5), np.random.default_rng(0)) - 0.5
+    assert_allclose(steps.std(axis=0), 0.02, rtol=0.02)
+
+
+def test_iso_line_steps_lie_along_the_line():
+    parents = np.tile([[0.5, 0.5], [0.6, 0.5]], (100_000, 1, 1))
+    steps = auroraqd.IsoLine(iso_sigma=0.01, line_sigma=0.2)(parents, np.random.default_rng(0)) - 0.5
+    assert_allclose(steps.std(axis=0), [np.hypot(0.01, 0.2 * 0.1), 0.01], rtol=0.02)
+
+
+def test_vat_in_two_dimensions_is_the_reference():
+    square = np.array([[0.0, 0.0], [3.0, 4.0], [1.0, 1.0]])
+    assert_allclose(auroraqd.VAT()(square), 5 / np.sqrt(60000))
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 10])
+def test_vat_keeps_the_number_of_cells(d):
+    ends = np.zeros((2, d))
+    ends[1, 0] = 2.0  # unit ball
+    volume = {1: 2, 2: np.pi, 3: 4 / 3 * np.pi, 10: np.pi**5 / 120}[d]
+    assert_allclose(volume / auroraqd.VAT()(ends) ** d, 60000 * np.pi / 4)
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 10), st.integers(1, 150), st.booleans())
+def test_largest_distance_agrees_with_its_twin(seed, d, n, degenerate):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(n, d))
+    if degenerate:  # on a line, with duplicates: no hull
+        points = np.round(points[:, :1], 1) * np.ones(d)
+    assert_allclose(largest_distance(points), naive.largest_distance(points), rtol=1e-12)
+
+
+def test_largest_distance_of_many():
+    points = np.random.default_rng(0).normal(size=(20_000, 6))
+    points[77], points[12_345] = 30, -31
+    assert_allclose(largest_distance(points), 61 * np.sqrt(6))
+    assert largest_distance(np.ones((500, 2))) == 0
+
+
+def test_fixed():
+    assert auroraqd.Fixed(0.3)(np.random.default_rng(0).random((5, 2))) == 0.3
+
+
+def test_schedules():
+    assert [g for g in range(5000) if auroraqd.Doubling()(g)] == [0, 50, 150, 350, 750, 1550, 3150]  # paper
+    assert [g for g in range(30) if auroraqd.Doubling(first=2)(g)] == [0, 2, 6, 14]
+    assert [g for g in range(30) if auroraqd.Every(10)(g)] == [0, 10, 20]
+    assert not any(auroraqd.Never()(g) for g in range(100))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: auroraqd.Polynomial(rate=1.5), "rate must"),
+        (lambda: auroraqd.Polynomial(eta=-1), "eta must"),
+        (lambda: auroraqd.Gaussian(sigma=0), "sigma must"),
+        (lambda: auroraqd.IsoLine(0, 0), "iso_sigma"),
+        (lambda: auroraqd.VAT(cells=0), "cells must"),
+        (lambda: auroraqd.Fixed(l=-1), "l must"),
+        (lambda: auroraqd.Doubling(first=0), "first must"),
+        (lambda: auroraqd.Every(1.5), "generations must"),
+    ],
+)
+def test_bad_parameters(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
