@@ -92,7 +92,9 @@ class Aurora:
         self.generation = 0
         self.evaluations = 0
         self.history = History()
-        self.seed = seed
+        if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
+            raise ValueError(f"seed must be a whole number, 0 or more, or None, got {seed!r}")
+        self.seed = None if seed is None else int(seed)
         self._rng = np.random.default_rng(seed)
         self._descriptor = Descriptor.checked(descriptor, self._rng)
         self._refits = self._descriptor.learned and prior is None

@@ -134,12 +134,13 @@ def show(
 
 
 def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> None:
-    _prepare(out, overwrite)
+    _check_free(out, overwrite)
+    task, aurora = settings.build()
+    out.mkdir(parents=True, exist_ok=True)
     from auroraqd.progress import RunProgress
-    from auroraqd.storage import save
+    from auroraqd.storage import FIGURES, save
     from auroraqd.tasks import TaskError
 
-    task, aurora = settings.build()
     failure: BaseException | None = None
     console.print(f"[bold]{settings.task}[/], descriptor [bold]{settings.descriptor}[/], seed {settings.seed}", highlight=False)
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # a cluster's polite end is like Ctrl-C
@@ -149,6 +150,7 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
     except (KeyboardInterrupt, TaskError) as error:
         failure = error
     save(aurora, out, config=settings.as_json())
+    shutil.rmtree(out / FIGURES, ignore_errors=True)  # those of a run that was there before
     if aurora.generation:
         _report(out, figures)
     if isinstance(failure, KeyboardInterrupt):
@@ -158,8 +160,8 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
         raise UserError(f"{failure}. What was found before is in {out}")
 
 
-def _prepare(out: Path, overwrite: bool) -> None:
-    """Make sure that nothing is overwritten that should not be, before any work is done."""
+def _check_free(out: Path, overwrite: bool) -> None:
+    """Make sure that nothing will be overwritten that should not be, before any work is done."""
     from auroraqd.storage import CONFIG
 
     if out.exists() and not out.is_dir():
@@ -169,8 +171,6 @@ def _prepare(out: Path, overwrite: bool) -> None:
             raise UserError(f"{out} is not empty and no run folder: choose another with --out")
         if not overwrite:
             raise UserError(f"{out} holds a run already: choose another folder with --out, or replace it with --overwrite")
-        shutil.rmtree(out)
-    out.mkdir(parents=True, exist_ok=True)
 
 
 def _report(folder: Path, figures: bool) -> None:

@@ -32,8 +32,8 @@ from auroraqd.descriptor import Descriptor, Scaling
 from auroraqd.history import Record
 from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
 
-CONFIG, HISTORY, REPERTOIRE = "config.json", "history.csv", "repertoire.safetensors"
-_FORMAT = "auroraqd repertoire 1"
+CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
+_FORMAT = "auroraqd repertoire 1"  # the one metadata key: with several, safetensors writes them in any order
 _LEARNED = "learned"
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba")
 
@@ -80,10 +80,10 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dictionary
     except (SafetensorError, OSError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
-    if metadata.get("format") != _FORMAT:
-        raise ValueError(f"{path} must be of the format {_FORMAT!r}, got {metadata.get('format')!r}")
+    if _FORMAT not in metadata:
+        raise ValueError(f"{path} must be of the format {_FORMAT!r}, got one with the metadata {metadata}")
     columns = {name: arrays.pop(name) for name in (*REQUIRED, *OPTIONAL) if name in arrays}
-    return Repertoire(columns, lambda: _load_descriptor(metadata, arrays, columns, trusted))
+    return Repertoire(columns, lambda: _load_descriptor(metadata[_FORMAT], arrays, columns, trusted))
 
 
 def load_config(folder: str | os.PathLike) -> dict[str, Any]:
@@ -163,13 +163,13 @@ def _history_csv(records: Sequence[Record]) -> str:
 def _repertoire_bytes(aurora: Aurora) -> bytes:
     archive, descriptor = aurora.archive, aurora.descriptor
     arrays = {name: getattr(archive, name) for name in (*REQUIRED, *OPTIONAL) if getattr(archive, name) is not None}
-    metadata = {"format": _FORMAT, "descriptor": _LEARNED if descriptor.learned else str(descriptor.source)}
+    kind = _LEARNED if descriptor.learned else str(descriptor.source)
     if descriptor.learned and descriptor.scaling is not None:
         arrays["scaling.low"], arrays["scaling.high"] = descriptor.scaling
         transformer = _transformer_bytes(descriptor.source)
         if transformer is not None:
             arrays["transformer.skops"] = np.frombuffer(transformer, np.uint8)
-    return save_tensors({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
+    return save_tensors({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {_FORMAT: kind})
 
 
 def _transformer_bytes(transformer: Any) -> bytes | None:
@@ -187,10 +187,10 @@ def _transformer_bytes(transformer: Any) -> bytes | None:
 
 
 def _load_descriptor(
-    metadata: Mapping[str, str], arrays: Mapping[str, np.ndarray], columns: Mapping[str, np.ndarray], trusted: Sequence[str]
+    kind: str, arrays: Mapping[str, np.ndarray], columns: Mapping[str, np.ndarray], trusted: Sequence[str]
 ) -> Descriptor:
-    if metadata["descriptor"] != _LEARNED:
-        return Descriptor(metadata["descriptor"])
+    if kind != _LEARNED:
+        return Descriptor(kind)
     if "transformer.skops" not in arrays:
         raise ValueError("the repertoire was saved without its transformer")
     import skops.io

@@ -58,6 +58,8 @@ class Settings:
         for name in ("components", "generations", "batch_size"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be 1 or more, got {getattr(self, name)}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be 0 or more, got {self.seed}")
 
     def build(self) -> tuple[Any, Aurora]:
         """The task, and an Aurora at generation 0.

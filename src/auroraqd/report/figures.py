@@ -36,7 +36,7 @@ def write_figures(folder: str | Path) -> list[Path]:
         FileNotFoundError, ValueError: see `auroraqd.load`.
     """
     repertoire, records = storage.load(folder), storage.load_history(folder)
-    target = Path(folder) / "figures"
+    target = Path(folder) / storage.FIGURES
     target.mkdir(exist_ok=True)
     figures = {"history": history_figure(records)}
     if len(repertoire):

@@ -1,0 +1,181 @@
+"""The command line, run as a command."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import image
+from numpy.testing import assert_array_equal
+
+import auroraqd
+from auroraqd import storage
+
+COMMAND = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
+
+
+def command(*arguments, cwd=None, ok=True):
+    done = subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+    assert (done.returncode == 0) == ok, done.stdout + done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli") / "first"
+    command("run", "ballistic", "--generations", 30, "--batch-size", 50, "--seed", 4, "--out", folder)
+    return folder
+
+
+def test_installed_command_and_help():
+    script = Path(sys.executable).with_name("auroraqd")
+    done = subprocess.run([script, "--help"], capture_output=True, text=True, check=True)
+    for word in ("run", "show", "repeat"):
+        assert word in done.stdout
+    assert auroraqd.__version__ in command("--version").stdout
+
+
+def test_help_imports_nothing_heavy():
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "auroraqd.cli", "--help"], capture_output=True, text=True, check=True
+    )
+    for module in ("numpy", "numba", "sklearn", "matplotlib", "scipy"):
+        assert f"| {module}\n" not in done.stderr
+
+
+def test_run_leaves_what_it_promises(run_folder):
+    names = {str(path.relative_to(run_folder)) for path in run_folder.rglob("*") if path.is_file()}
+    figures = {f"figures/{name}.{suffix}" for name in ("repertoire", "history") for suffix in ("png", "svg")}
+    assert names == {"config.json", "history.csv", "repertoire.safetensors"} | figures
+    assert len(auroraqd.load(run_folder)) > 100
+    assert storage.load_history(run_folder)[-1].evaluations == 1500
+    assert storage.load_config(run_folder)["seed"] == 4
+
+
+def test_figures_are_not_blank(run_folder):
+    for path in (run_folder / "figures").glob("*.png"):
+        pixels = image.imread(path)[..., :3]
+        assert min(pixels.shape[:2]) > 300
+        assert (pixels < 0.9).any(axis=2).mean() > 0.01
+        assert len(np.unique((pixels * 8).astype(int).reshape(-1, 3), axis=0)) > 5
+    for path in (run_folder / "figures").glob("*.svg"):
+        assert path.read_text().rstrip().endswith("</svg>")
+
+
+def test_the_same_as_from_python(run_folder):
+    from sklearn.decomposition import PCA
+
+    task = auroraqd.tasks.Ballistic()
+    aurora = auroraqd.Aurora(2, PCA(n_components=2), seed=4, batch_size=50).run(task, generations=30)
+    assert_array_equal(auroraqd.load(run_folder).genotype, aurora.archive.genotype)
+
+
+def test_show_prints_and_redraws(run_folder):
+    picture = run_folder / "figures" / "repertoire.png"
+    before = picture.read_bytes()
+    picture.unlink()
+    done = command("show", run_folder)
+    assert f"{len(auroraqd.load(run_folder)):,} individuals" in done.stdout
+    assert picture.read_bytes() == before
+
+
+def test_repeat_is_the_same_run(tmp_path):
+    settings = ["--descriptor", "genotype", "--variation", "gaussian:sigma=0.1,at_least_one=false", "--selection", "uniform"]
+    settings += ["--resolution", "fixed:l=0.02", "--schedule", "every:generations=3", "--k", "3", "--competition", "elitist"]
+    command("run", "ballistic", "-n", 10, *settings, "--out", tmp_path / "one", "--no-figures")
+    command("repeat", tmp_path / "one", "--out", tmp_path / "two", "--no-figures")
+    one, two = tmp_path / "one", tmp_path / "two"
+    assert (one / "repertoire.safetensors").read_bytes() == (two / "repertoire.safetensors").read_bytes()
+    assert json.loads((one / "config.json").read_text()) == json.loads((two / "config.json").read_text())
+    assert not (one / "figures").exists()
+    assert storage.load_config(one)["resolution"] == {"type": "Fixed", "l": 0.02}
+
+
+def test_default_folder_and_lines_of_progress(tmp_path):
+    done = command("run", "ballistic", "-n", 3, "--descriptor", "hand-coded", "--no-figures", cwd=tmp_path)
+    assert "generation 3/3" in done.stdout
+    assert len(auroraqd.load(tmp_path / "runs" / "ballistic-hand-coded-0")) > 100
+
+
+def test_a_run_is_not_overwritten_without_being_told_to(tmp_path):
+    out = tmp_path / "one"
+    arguments = ["run", "ballistic", "-n", 2, "--no-figures", "--out", out]
+    command(*arguments)
+    before = (out / "repertoire.safetensors").read_bytes()
+    done = command(*arguments, "--seed", 1, ok=False)
+    assert "--overwrite" in done.stderr
+    assert (out / "repertoire.safetensors").read_bytes() == before
+    command(*arguments, "--seed", 1, "--overwrite")
+    assert (out / "repertoire.safetensors").read_bytes() != before
+
+
+def test_folders_of_others_are_never_touched(tmp_path):
+    (tmp_path / "thesis.txt").write_text("years of work")
+    done = command("run", "ballistic", "-n", 2, "--out", tmp_path, "--overwrite", ok=False)
+    assert "no run folder" in done.stderr
+    assert (tmp_path / "thesis.txt").read_text() == "years of work"
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
+    out = tmp_path / "run"
+    process = subprocess.Popen(
+        [*COMMAND, "run", "ballistic", "-n", "100000000", "--out", str(out), "--no-figures"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    assert "ballistic" in process.stdout.readline()
+    time.sleep(3)
+    process.send_signal(stop)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert "Interrupted after" in errors
+    assert len(auroraqd.load(out)) > 100
+    assert storage.load_history(out)[-1].size == len(auroraqd.load(out))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "juggling"], "task must be one of ballistic"),
+        (["run", "ballistic", "--descriptor", "magic"], "descriptor must be one of pca, hand-coded, genotype, got 'magic'"),
+        (["run", "ballistic", "--generations", "0"], "generations must be 1 or more"),
+        (["run", "ballistic", "--generations", "many"], "integer"),
+        (["run", "ballistic", "--epsilon", "2"], "epsilon must be at least 0 and below 1"),
+        (["run", "ballistic", "--seed", "-1"], "seed must be 0 or more"),
+        (["run", "ballistic", "--components", "500"], "n_components"),
+        (["run", "ballistic", "--variation", "crossover"], "variation must be one of"),
+        (["run", "ballistic", "--variation", "polynomial:rat=0.1"], "has no option 'rat'; its options are: rate, eta"),
+        (["run", "ballistic", "--variation", "polynomial:rate=often"], "rate must be a number, got 'often'"),
+        (["run", "ballistic", "--variation", "polynomial:rate=3"], "rate must be a probability"),
+        (["run", "ballistic", "--schedule", "every"], "write every:generations=VALUE"),
+        (["show", "nowhere"], "there is no folder nowhere"),
+        (["show", "."], "is no run folder"),
+        (["repeat", "nowhere", "--out", "x"], "there is no folder nowhere"),
+        (["run", "ballistic", "--out", "/dev/null/x"], "Not a directory"),
+    ],
+)
+def test_mistakes_get_a_sentence_and_no_traceback(tmp_path, arguments, message):
+    done = command(*arguments, cwd=tmp_path, ok=False)
+    assert message in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+def test_a_damaged_run_folder(run_folder, tmp_path):
+    for name in ("config.json", "history.csv", "repertoire.safetensors"):
+        (tmp_path / name).write_bytes((run_folder / name).read_bytes())
+    (tmp_path / "repertoire.safetensors").write_bytes(b"\x00" * 100)
+    done = command("show", tmp_path, ok=False)
+    assert "is damaged" in done.stderr
+    (tmp_path / "config.json").write_text('{"task": "ballistic"}')
+    done = command("repeat", tmp_path, "--out", tmp_path / "again", ok=False)
+    assert "cannot be run again" in done.stderr

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+import auroraqd
+from auroraqd.report import figures, history_figure, repertoire_figure
+
+
+def repertoire(task, descriptor, tmp_path, **options):
+    aurora = auroraqd.Aurora(2, descriptor, seed=0, batch_size=50, **options).run(task, generations=3)
+    return auroraqd.load(auroraqd.save(aurora, tmp_path)), aurora.history.records
+
+
+class First:
+    """The first `d` features."""
+
+    def __init__(self, d):
+        self.d = d
+
+    def fit(self, x):
+        return self
+
+    def transform(self, x):
+        return x[:, : self.d]
+
+
+@pytest.mark.parametrize(
+    ("task", "descriptor", "titles"),
+    [
+        (auroraqd.tasks.Ballistic(), "hand-coded", ["Descriptor space", "Ground truth", "Trajectories"]),
+        (lambda g: (g[:, 0], g), First(1), ["Descriptor space"]),
+        (lambda g: (g[:, 0], np.repeat(g, 3, axis=1)), First(5), ["Descriptor space, 2 of 5 dimensions"]),
+        (lambda g: (g[:, 0], g, g[:, :1]), First(2), ["Descriptor space"]),
+        (lambda g: (g[:, 0], g[:, :1]), First(1), ["Descriptor space"]),
+    ],
+)
+def test_every_repertoire_has_a_figure(task, descriptor, titles, tmp_path):
+    found, records = repertoire(task, descriptor, tmp_path)
+    figure = repertoire_figure(found)
+    assert [axes.get_title() for axes in figure.axes] == titles
+    assert history_figure(records).axes
+    assert len(figures.write_figures(tmp_path)) == 4
+
+
+def test_colors_correspond_to_places():
+    places = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 8.0], [2.0, 8.0], [1.0, 4.0]])
+    colors = figures.two_dimensional_colors(places)
+    assert len(np.unique(colors, axis=0)) == 5
+    np.testing.assert_allclose(colors[4], colors[:4].mean(axis=0))
+    assert figures.two_dimensional_colors(np.ones((3, 2))).shape == (3, 3)
+
+
+def test_one_individual(tmp_path):
+    found, _ = repertoire(
+        lambda g: (np.zeros(len(g)), np.ones((len(g), 4, 2))), "genotype", tmp_path, resolution=auroraqd.Fixed(10.0)
+    )
+    assert len(found) == 1
+    assert len(figures.write_figures(tmp_path)) == 4
