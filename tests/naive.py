@@ -132,3 +132,20 @@ def klc(reference, compared, bins=30):
 
     e, a = histogram(reference), histogram(compared)
     return sum(p * math.log(p / a.get(cell, 1e-8)) for cell, p in e.items())
+
+
+def roulette(scores, spins):
+    """Rows on a wheel whose slots are as wide as the shifted scores; None when there is no width."""
+    low = min(0.0, *scores)
+    total = sum(score - low for score in scores)
+    if total == 0:
+        return None
+    rows = []
+    for spin in spins:
+        end = 0.0
+        for row, score in enumerate(scores):
+            end += score - low
+            if end > spin * total:
+                break
+        rows.append(row)
+    return rows

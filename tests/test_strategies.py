@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import auroraqd
 from auroraqd.resolution import largest_distance
+from auroraqd.selection import _roulette
 
 
 @pytest.fixture
@@ -59,6 +60,18 @@ def test_curiosity_does_not_shift_positive_scores(archive):
     archive.credit(archive.id[:1], np.ones(1))
     found = frequencies(auroraqd.Curiosity(), archive)
     assert_allclose(found, np.r_[3, np.full(19, 2)] / 41, atol=0.003)
+
+
+@given(
+    st.lists(st.sampled_from([-30.0, -0.5, 0.0, 0.5, 1.0, 7.5, 1000.0]), min_size=1, max_size=700),
+    st.lists(st.sampled_from([0.0, 0.5, 1 - 2**-53]) | st.floats(0, 1, exclude_max=True), min_size=1, max_size=20),
+)
+def test_roulette_agrees_with_its_twin(scores, spins):
+    rows = np.empty(len(spins), np.int64)
+    expected = naive.roulette(scores, spins)
+    assert _roulette(np.array(scores), np.array(spins), rows) == (expected is not None)
+    if expected is not None:
+        assert_array_equal(rows, expected)
 
 
 VARIATIONS = [

@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 
 BUCKET = 32  # points a leaf can hold
+_SLACK = 1.12  # neighbours that moved away since a reach was measured; found by trying
 _DEPTH_LIMIT = 4000  # a deeper tree is rebuilt at once: it is the size of the stacks below
 
 # Positions in Tree.meta.
@@ -222,29 +223,38 @@ def _box_distance(box, node, x):
 
 @njit(inline="always")
 def _bucket_distances(points, bucket, x, out):
-    """Squared distances to all slots of a bucket, the empty ones included: a fixed length vectorises."""
-    for slot in range(BUCKET):
+    """Squared distances to all slots of a bucket, the empty ones included: a loop without conditions vectorises.
+
+    Its length must not be a constant, or the compiler unrolls the loop before it can vectorise it.
+    """
+    coordinates = points[bucket]
+    slots = out.shape[0]
+    for slot in range(slots):
         out[slot] = 0.0
     for j in range(x.shape[0]):
-        value = x[j]
-        for slot in range(BUCKET):
-            difference = points[bucket, j, slot] - value
+        value, line = x[j], coordinates[j]
+        for slot in range(slots):
+            difference = line[slot] - value
             out[slot] += difference * difference
 
 
 @njit(inline="always")
-def _descend(link, box, node, x, bound, stack, top):
-    """From a node to the nearest leaf, pushing the other children that may hold points within the bound."""
+def _descend(tree, node, x, bound, stack, top):
+    """From a node to the leaf on x's side, pushing the other children that may hold points within the bound.
+
+    The distance to the splitting plane, one number, rules most of them out before the distance to their box.
+    """
+    link, axis, split, box = tree.link, tree.axis, tree.split, tree.box
     while link[node] >= 0:
-        near = link[node]
-        far = near + 1
-        to_near, to_far = _box_distance(box, near, x), _box_distance(box, far, x)
-        if to_far < to_near:
-            near, far = far, near
-            to_near, to_far = to_far, to_near
-        stack.node[top] = far
-        stack.distance[top] = to_far
-        top += to_far <= bound
+        beyond = x[axis[node]] - split[node]
+        near = link[node] + (beyond >= 0)
+        if beyond * beyond <= bound:
+            far = link[node] + (beyond < 0)
+            distance = _box_distance(box, far, x)
+            if distance <= bound:
+                stack.node[top] = far
+                stack.distance[top] = distance
+                top += 1
         node = near
     return -1 - link[node], top
 
@@ -265,6 +275,7 @@ class _Scratch(NamedTuple):
     near_other: np.ndarray  # and near the stored one it competes with
     rank: np.ndarray
     ranked: np.ndarray
+    last_reach: np.ndarray  # (1,)
 
 
 @njit(cache=True, nogil=True)
@@ -274,11 +285,12 @@ def _scratch(k):
         _Stack(np.empty(_DEPTH_LIMIT + 2, np.int64), np.empty(_DEPTH_LIMIT + 2, np.float64)),
         np.empty(BUCKET, np.float64),
         np.empty(BUCKET, np.float64),
-        np.empty(k, np.float64),
+        np.empty(k + 1, np.float64),
         np.empty(near, np.float64),
         np.empty(near, np.float64),
         np.empty(near, np.int64),
         np.empty(near, np.float64),
+        np.zeros(1),
     )
 
 
@@ -288,7 +300,7 @@ def _two_nearest(tree, x, bound, scratch):
 
     Of points equally near, the lowest row. Where there is no first or second, its distance is `bound`.
     """
-    link, box, count, rows, points = tree.link, tree.box, tree.count, tree.rows, tree.points
+    count, rows, points = tree.count, tree.rows, tree.points
     stack, distances = scratch.stack, scratch.distance
     row, first, second = -1, bound, bound
     stack.node[0] = 0
@@ -298,7 +310,7 @@ def _two_nearest(tree, x, bound, scratch):
         top -= 1
         if stack.distance[top] > second:
             continue
-        bucket, top = _descend(link, box, stack.node[top], x, second, stack, top)
+        bucket, top = _descend(tree, stack.node[top], x, second, stack, top)
         _bucket_distances(points, bucket, x, distances)
         for slot in range(count[bucket]):
             distance = distances[slot]
@@ -314,12 +326,13 @@ def _two_nearest(tree, x, bound, scratch):
 
 
 @njit(cache=True, nogil=True)
-def _novelty(tree, x, excluded, k, scratch):
-    """Mean distance from x to its k nearest points, one row left out, and the distance to the k-th.
+def _novelty(tree, x, k, scratch):
+    """Mean distance from x to the second to (k + 1)-th nearest points, and the last of these distances.
 
-    With fewer than k points, the mean distance to those there are, and infinity. The mean of none is 0.
+    The nearest is left out: it is x itself, or the one x competes with. With fewer than k others, the mean distance to those
+    there are, and infinity. The mean of none is 0.
     """
-    link, box, count, rows, points = tree.link, tree.box, tree.count, tree.rows, tree.points
+    count, points = tree.count, tree.points
     stack, distances, nearest = scratch.stack, scratch.distance, scratch.nearest
     found, bound = 0, np.inf
     stack.node[0] = 0
@@ -329,29 +342,29 @@ def _novelty(tree, x, excluded, k, scratch):
         top -= 1
         if stack.distance[top] > bound:
             continue
-        bucket, top = _descend(link, box, stack.node[top], x, bound, stack, top)
+        bucket, top = _descend(tree, stack.node[top], x, bound, stack, top)
         _bucket_distances(points, bucket, x, distances)
         for slot in range(count[bucket]):
             distance = distances[slot]
-            if (found == k and distance >= bound) or rows[bucket, slot] == excluded:
+            if found == k + 1 and distance >= bound:
                 continue
-            place = min(found, k - 1)
-            found = min(found + 1, k)
+            place = min(found, k)
+            found = min(found + 1, k + 1)
             while place > 0 and nearest[place - 1] > distance:
                 nearest[place] = nearest[place - 1]
                 place -= 1
             nearest[place] = distance
-            if found == k:
-                bound = nearest[k - 1]
+            if found == k + 1:
+                bound = nearest[k]
     total = 0.0
-    for i in range(found):
+    for i in range(1, found):
         total += np.sqrt(nearest[i])
-    return total / max(found, 1), np.sqrt(bound)
+    return total / max(found - 1, 1), np.sqrt(bound)
 
 
 @njit(cache=True, nogil=True)
-def _mean_of_smallest(squared, n, k, scratch):
-    """Mean of the roots of the k smallest of n values, summed in ascending order, and the largest of those roots.
+def _mean_without_smallest(squared, n, k, scratch):
+    """Mean of the roots of the second to (k + 1)-th smallest of n values, added in ascending order, and the last root.
 
     Ranks instead of sorting: for some twenty values it takes half the time, having no branch to mispredict.
     """
@@ -366,56 +379,59 @@ def _mean_of_smallest(squared, n, k, scratch):
     for i in range(n):
         ranked[rank[i]] = squared[i]
     total = 0.0
-    for i in range(k):
+    for i in range(1, k + 1):
         total += np.sqrt(ranked[i])
-    return total / k, np.sqrt(ranked[k - 1])
+    return total / k, np.sqrt(ranked[k])
 
 
 @njit(cache=True, nogil=True)
-def _near_both(tree, x, y, excluded, radius, reach, scratch):
-    """Squared distances below `radius` from x and below `reach` from y into scratch, one row left out; how many of each.
+def _near_both(tree, x, y, radius, reach, scratch):
+    """Squared distances up to `radius` from x and up to `reach` from y into scratch; how many of each.
 
     One walk serves both when the ball around y lies in the ball around x. Stops, and says -1, when they do not fit.
     """
-    link, box, count, rows, points = tree.link, tree.box, tree.count, tree.rows, tree.points
+    count, points = tree.count, tree.points
     stack, from_x, from_y = scratch.stack, scratch.distance, scratch.other
     near_x, near_y = scratch.near, scratch.near_other
     n_x = n_y = 0
     stack.node[0] = 0
     top = 1
     while top > 0:
-        bucket, top = _descend(link, box, stack.node[top - 1], x, radius, stack, top - 1)
+        bucket, top = _descend(tree, stack.node[top - 1], x, radius, stack, top - 1)
         if max(n_x, n_y) + BUCKET > near_x.shape[0]:
             return -1, -1
         _bucket_distances(points, bucket, x, from_x)
         _bucket_distances(points, bucket, y, from_y)
         for slot in range(count[bucket]):
-            included = rows[bucket, slot] != excluded
             near_x[n_x] = from_x[slot]
             near_y[n_y] = from_y[slot]
-            n_x += included & (from_x[slot] <= radius)
-            n_y += included & (from_y[slot] <= reach)
+            n_x += from_x[slot] <= radius
+            n_y += from_y[slot] <= reach
     return n_x, n_y
 
 
 @njit(cache=True, nogil=True)
 def _competing_novelties(tree, x, y, row, distance, size, reach, k, scratch):
-    """Novelty of x and of the stored y at this row, `distance` away, both without y.
+    """Novelty of x and of the stored y at this row, `distance` away, both without y; and the reach of x.
 
-    `reach[row]` remembers how far the k nearest of y were last time. If that ball still holds k points, then the ball around
-    x that encloses it holds the k nearest of x, and one walk answers for both. It is a guess that costs only time when it
-    fails. In more than three dimensions the enclosing ball is too large for it to pay.
+    `reach[row]` remembers how far the k nearest of y were last time (or the last reach at all, where y is new). If a ball a
+    little larger still holds k points, then the ball around x that encloses it holds the k nearest of x, and one walk
+    answers for both. It is a guess that costs only time when it fails. In more than three dimensions the enclosing ball is
+    too large for it to pay.
     """
     wanted = min(k, size - 1)
-    if reach[row] > 0 and x.shape[0] <= 3:
-        outer = (reach[row] + distance) * (1 + 1e-9)
-        n_x, n_y = _near_both(tree, x, y, row, outer * outer, reach[row] * reach[row] * (1 + 1e-9), scratch)
-        if n_x >= wanted and n_y >= wanted:
-            novelty, kth = _mean_of_smallest(scratch.near, n_x, wanted, scratch)
-            stored_novelty, reach[row] = _mean_of_smallest(scratch.near_other, n_y, wanted, scratch)
+    guess = (reach[row] if reach[row] > 0 else scratch.last_reach[0]) * _SLACK
+    if guess > 0 and x.shape[0] <= 3:
+        outer = (guess + distance) * (1 + 1e-9)
+        n_x, n_y = _near_both(tree, x, y, outer * outer, guess * guess, scratch)
+        if n_x > wanted and n_y > wanted:  # y is among both
+            novelty, kth = _mean_without_smallest(scratch.near, n_x, wanted, scratch)
+            stored_novelty, reach[row] = _mean_without_smallest(scratch.near_other, n_y, wanted, scratch)
+            scratch.last_reach[0] = reach[row]
             return novelty, kth, stored_novelty
-    novelty, kth = _novelty(tree, x, row, k, scratch)
-    stored_novelty, reach[row] = _novelty(tree, y, row, k, scratch)
+    novelty, kth = _novelty(tree, x, k, scratch)
+    stored_novelty, reach[row] = _novelty(tree, y, k, scratch)
+    scratch.last_reach[0] = reach[row]
     return novelty, kth, stored_novelty
 
 
@@ -581,10 +597,10 @@ def add(tree, batch, stored, size, rule):
 
 
 @njit(cache=True, nogil=True)
-def novelties(tree, descriptor, excluded, k):
-    """Mean distance of each row of `descriptor`, (n, d), to its k nearest points, one row each left out (-1: none)."""
+def novelties(tree, stored, k):
+    """Novelty of each stored point, the rows of `stored`, (n, d): mean distance to its k nearest, itself left out."""
     scratch = _scratch(k)
-    out = np.empty(descriptor.shape[0], np.float64)
-    for i in range(descriptor.shape[0]):
-        out[i], _ = _novelty(tree, descriptor[i], excluded[i], k, scratch)
+    out = np.empty(stored.shape[0], np.float64)
+    for i in range(stored.shape[0]):
+        out[i], _ = _novelty(tree, stored[i], k, scratch)
     return out

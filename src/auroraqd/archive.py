@@ -35,7 +35,6 @@ class Archive(ABC):
     def __init__(self) -> None:
         self._population = Population()
         self._next_id = 0
-        self._row_of_id: dict[int, int] | None = None  # built by the first `credit` after a change of all rows
 
     @abstractmethod
     def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
@@ -158,19 +157,11 @@ class Archive(ABC):
         batch["curiosity"] = np.zeros(len(stored))
         batch["id"] = np.arange(self._next_id, self._next_id + len(stored))
         self._next_id += len(stored)
-        self._write(target, batch, size=len(self) + np.count_nonzero(status == NEW))
-        return status
-
-    def _write(self, target: np.ndarray, batch: dict[str, np.ndarray], size: int) -> None:
-        if self._row_of_id is not None:
-            replaced = target[target < len(self)]
-            for old in self._population["id"][replaced].tolist():
-                self._row_of_id.pop(old, None)
-            for new, row in zip(batch["id"].tolist(), target.tolist(), strict=True):
-                self._row_of_id[new] = row
+        size = len(self) + np.count_nonzero(status == NEW)
         self._population.reserve(size)
         self._population.write(target, batch)
         self._population.resize(size)
+        return status
 
     def _check(self, batch: dict[str, np.ndarray]) -> None:
         """Raise ValueError unless these columns can be added."""
@@ -227,24 +218,31 @@ class Archive(ABC):
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
             self._population.set(name, rows[source])
-        self._row_of_id = None
 
-    def credit(self, parent_ids: ArrayLike, status: ArrayLike) -> None:
+    def rows_of(self, ids: ArrayLike) -> np.ndarray:
+        """The rows of individuals, (n,) int64; -1 for an id that is not stored."""
+        order = np.argsort(self.id)
+        ids = np.asarray(ids, np.int64)
+        rows = np.full(ids.shape, -1)
+        if len(order):
+            found = order[np.minimum(np.searchsorted(self.id, ids, sorter=order), len(order) - 1)]
+            rows = np.where(self.id[found] == ids, found, rows)
+        return rows
+
+    def credit(self, parent_ids: ArrayLike, status: ArrayLike, *, rows: np.ndarray | None = None) -> None:
         """Update curiosity: a parent gains 1 for each child that was stored and loses 0.5 for each that was not.
 
         Args:
             parent_ids: (n,) ids; those no longer stored (replaced meanwhile), and -1, are passed over.
             status: (n,) what `add` returned for the children.
+            rows: (n,) where the parents were before `add`, if known: saves the search for them.
         """
-        if len(self) == 0:
-            return
-        if self._row_of_id is None:
-            self._row_of_id = dict(zip(self.id.tolist(), range(len(self)), strict=True))
-        find = self._row_of_id.get
-        rows = np.array([find(parent, -1) for parent in np.asarray(parent_ids).tolist()], np.int64)
-        score = np.where(np.asarray(status) > REJECTED, _STORED_CREDIT, _UNSTORED_CREDIT)
-        alive = rows >= 0
-        np.add.at(self._population.raw("curiosity"), rows[alive], score[alive])
+        ids = np.asarray(parent_ids, np.int64)
+        rows = self.rows_of(ids) if rows is None else rows
+        if len(self):
+            alive = (rows >= 0) & (self.id[rows] == ids)
+            score = np.where(np.asarray(status) > REJECTED, _STORED_CREDIT, _UNSTORED_CREDIT)
+            np.add.at(self._population.raw("curiosity"), rows[alive], score[alive])
 
 
 class UnstructuredArchive(Archive):
@@ -330,7 +328,7 @@ class UnstructuredArchive(Archive):
         """(n,) float64: mean distance of each individual to its k nearest, itself left out."""
         if len(self) == 0:
             return np.empty(0)
-        return _neighbours.novelties(self._tree, self.descriptor, np.arange(len(self)), self.k)
+        return _neighbours.novelties(self._tree, self.descriptor, self.k)
 
     def _clear(self) -> None:
         self._tree = None

@@ -33,6 +33,7 @@ class _Pending(NamedTuple):
 
     genotype: np.ndarray  # (n, n_genes)
     parent_id: np.ndarray  # (n,) int64, -1 for those without a parent
+    parent_row: np.ndarray  # (n,) int64, where the parents were when they were selected
     since: float
 
 
@@ -139,13 +140,14 @@ class Aurora:
         since = time.perf_counter()
         if genotypes is not None:
             children = self._checked_genotypes(genotypes)
-            parent_id = np.full(len(children), -1)
+            parent_row = np.full(len(children), -1)
         elif len(self.archive) == 0:
             children = self._rng.random((self.batch_size, self.n_genes))
-            parent_id = np.full(self.batch_size, -1)
+            parent_row = np.full(self.batch_size, -1)
         else:
-            children, parent_id = self._offspring()
-        self._pending = _Pending(children, parent_id, since)
+            children, parent_row = self._offspring()
+        parent_id = np.where(parent_row < 0, -1, self.archive.id[parent_row]) if len(self.archive) else parent_row
+        self._pending = _Pending(children, parent_id, parent_row, since)
         return children.copy()
 
     def tell(self, fitness: ArrayLike, observation: ArrayLike, ground_truth: ArrayLike | None = None) -> np.ndarray:
@@ -247,11 +249,11 @@ class Aurora:
         if n_parents > 1:
             rows = rows.reshape(self.batch_size, n_parents)
         children = self._checked_genotypes(self.variation(self.archive.genotype[rows], self._rng))
-        return children, self.archive.id[rows if n_parents == 1 else rows[:, 0]]
+        return children, rows if n_parents == 1 else rows[:, 0]
 
     def _told(self, pending: _Pending, evaluation: Evaluation) -> np.ndarray:
         """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
-        batch = _Batch(pending.genotype, pending.parent_id, *evaluation)
+        batch = _Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
         valid = batch.valid
@@ -278,7 +280,8 @@ class Aurora:
         """Add a batch, after an update of the descriptor if there is to be one, and credit the parents."""
         status = np.full(len(valid), INVALID, np.int8)
         individuals = batch if valid.all() else batch.only(valid)
-        if update or not self._descriptor.ready:
+        update = update or not self._descriptor.ready
+        if update:
             self._update(individuals)
         descriptor, error = self._descriptor.describe(*individuals.sources)
         status[valid] = self.archive.add(
@@ -289,7 +292,7 @@ class Aurora:
             ground_truth=individuals.ground_truth,
             reconstruction_error=error,
         )
-        self.archive.credit(batch.parent_id, status)
+        self.archive.credit(batch.parent_id, status, rows=None if update else batch.parent_row)
         return status
 
     def _update(self, individuals: "_Batch") -> None:
@@ -342,6 +345,7 @@ class _Batch(NamedTuple):
 
     genotype: np.ndarray
     parent_id: np.ndarray
+    parent_row: np.ndarray
     fitness: np.ndarray
     observation: np.ndarray
     ground_truth: np.ndarray | None

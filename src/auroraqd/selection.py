@@ -7,6 +7,7 @@ archive is not empty.
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from auroraqd.archive import Archive
 
@@ -31,9 +32,51 @@ class Curiosity:
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
         """See the module docstring."""
-        curiosity = archive.curiosity
-        wheel = np.cumsum(curiosity - min(0.0, curiosity.min()))
-        if wheel[-1] == 0:
-            return rng.integers(len(archive), size=n)
-        rows = np.searchsorted(wheel, rng.random(n) * wheel[-1], side="right")
-        return np.minimum(rows, len(wheel) - 1)
+        rows = np.empty(n, np.int64)
+        if _roulette(archive.curiosity, rng.random(n), rows):
+            return rows
+        return rng.integers(len(archive), size=n)
+
+
+_BLOCK = 64
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nnan"})
+def _roulette(score, spins, rows):
+    """Spin a wheel with slots as wide as the scores, shifted by the lowest if it is negative.
+
+    Sums go by blocks, so that a spin looks into one block only. Scores are multiples of 1/2, of which sums are exact in any
+    order: the compiler may vectorise them.
+
+    Args:
+        score: (n,) float64.
+        spins: (m,) in [0, 1).
+        rows: (m,) int64, set.
+
+    Returns:
+        False, and rows undefined, when all slots are of width 0.
+    """
+    low = 0.0
+    for value in score:
+        low = min(low, value)
+    blocks = (score.shape[0] + _BLOCK - 1) // _BLOCK
+    ends = np.empty(blocks)
+    total = 0.0
+    for block in range(blocks):
+        width = 0.0
+        for value in score[block * _BLOCK : (block + 1) * _BLOCK]:
+            width += value - low
+        total += width
+        ends[block] = total
+    if total == 0:
+        return False
+    for i in range(spins.shape[0]):
+        place = spins[i] * total
+        block = min(np.searchsorted(ends, place, side="right"), blocks - 1)
+        row = block * _BLOCK
+        end = (ends[block - 1] if block > 0 else 0.0) + score[row] - low
+        while end <= place and row + 1 < score.shape[0]:
+            row += 1
+            end += score[row] - low
+        rows[i] = row
+    return True

@@ -35,8 +35,9 @@ class Polynomial:
         """(n, n_genes) parents to (n, n_genes) children."""
         mutated = _mutated(parents.shape, self.rate, self.at_least_one, rng)
         r = rng.random(np.count_nonzero(mutated))
-        exponent = 1 / (self.eta + 1)
-        step = np.where(r < 0.5, (2 * r) ** exponent - 1, 1 - (2 * (1 - r)) ** exponent)
+        # (2r)^(1/(eta+1)) - 1 for r < 0.5, and its mirror image above
+        size = 1 - (2 * np.minimum(r, 1 - r)) ** (1 / (self.eta + 1))
+        step = np.where(r < 0.5, -size, size)
         children = parents.copy()
         children[mutated] += step
         return np.clip(children, 0, 1, out=children)
