@@ -143,9 +143,9 @@ def roulette(scores, spins):
     rows = []
     for spin in spins:
         end = 0.0
-        for row, score in enumerate(scores):
-            end += score - low
-            if end > spin * total:
-                break
+        row = -1
+        while end <= spin * total and row + 1 < len(scores):
+            row += 1
+            end += scores[row] - low
         rows.append(row)
     return rows

@@ -116,9 +116,7 @@ def test_after_an_update_all_are_described_anew(ballistic):
     aurora = Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=51)
     archive = aurora.archive
     x = archive.observation
-    low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
     scaling = aurora.descriptor.scaling
-    assert (scaling.low <= low).all()  # fitted on all that was stored then, of whom most are still there
     scaled = ((x - scaling.low) / (scaling.high - scaling.low) * 2 - 1).reshape(len(x), -1)
     pca = aurora.descriptor.source
     assert_allclose(archive.descriptor, pca.transform(scaled), atol=1e-9)

@@ -33,7 +33,28 @@ _HOME = {
 }
 _MODULES = ("metrics", "tasks")
 
-__all__ = [*sorted(_HOME), *_MODULES]
+__all__ = [
+    "VAT",
+    "Archive",
+    "Aurora",
+    "Curiosity",
+    "Doubling",
+    "Evaluation",
+    "Every",
+    "Fixed",
+    "Gaussian",
+    "IsoLine",
+    "Never",
+    "Polynomial",
+    "Repertoire",
+    "TaskError",
+    "Uniform",
+    "UnstructuredArchive",
+    "load",
+    "metrics",
+    "save",
+    "tasks",
+]
 
 if TYPE_CHECKING:
     from auroraqd import metrics, tasks

@@ -41,9 +41,9 @@ class Tree(NamedTuple):
         axis: (nodes,) int32 and
         split: (nodes,) float64. Points with `x[axis] < split` are below the first child, the others below the second.
         box: (nodes, 2, d) float64. Lower and upper corner of a box that holds every point below the node.
-        count: (buckets,) int32. Points in a bucket.
+        filled: (buckets,) int32. Points in a bucket.
         rows: (buckets, BUCKET) int32. Their rows.
-        points: (buckets, d, BUCKET) float64. Their coordinates, first `count` of each line valid.
+        points: (buckets, d, BUCKET) float64. Their coordinates, first `filled` of each line valid.
         meta: (5,) int64. Nodes and buckets in use, depth now and after the last build, insertions since.
     """
 
@@ -51,7 +51,7 @@ class Tree(NamedTuple):
     axis: np.ndarray
     split: np.ndarray
     box: np.ndarray
-    count: np.ndarray
+    filled: np.ndarray
     rows: np.ndarray
     points: np.ndarray
     meta: np.ndarray
@@ -65,7 +65,7 @@ def _allocated(d, buckets):
         axis=np.empty(nodes, np.int32),
         split=np.empty(nodes),
         box=np.empty((nodes, 2, d)),
-        count=np.empty(buckets, np.int32),
+        filled=np.empty(buckets, np.int32),
         rows=np.empty((buckets, BUCKET), np.int32),
         points=np.zeros((buckets, d, BUCKET)),
         meta=np.zeros(5, np.int64),
@@ -75,7 +75,7 @@ def _allocated(d, buckets):
 def empty(d):
     """A tree without points in d dimensions: one leaf."""
     tree = _allocated(d, 4)
-    tree.link[0], tree.count[0] = -1, 0
+    tree.link[0], tree.filled[0] = -1, 0
     tree.box[0, 0], tree.box[0, 1] = np.inf, -np.inf
     tree.meta[_NODES] = tree.meta[_BUCKETS] = 1
     return tree
@@ -83,7 +83,7 @@ def empty(d):
 
 def _grown(tree):
     """The same tree with room for half as many buckets again."""
-    grown = _allocated(tree.box.shape[2], tree.count.shape[0] * 3 // 2)
+    grown = _allocated(tree.box.shape[2], tree.filled.shape[0] * 3 // 2)
     for column, old in zip(grown, tree, strict=True):
         column[: len(old)] = old
     return grown
@@ -110,17 +110,17 @@ def build(points):
 def _insert_rows(tree, points, order, start):
     """Insert rows in this order until there is no free bucket; returns how many are in."""
     for i in range(start, order.shape[0]):
-        if tree.meta[_BUCKETS] == tree.count.shape[0]:
+        if tree.meta[_BUCKETS] == tree.filled.shape[0]:
             return i
         _insert(tree, order[i], points[order[i]])
     return order.shape[0]
 
 
 @njit(inline="always")
-def _make_leaf(link, box, count, node, bucket):
+def _make_leaf(link, box, filled, node, bucket):
     """An empty leaf: its box is inside out."""
     link[node] = -1 - bucket
-    count[bucket] = 0
+    filled[bucket] = 0
     for j in range(box.shape[2]):
         box[node, 0, j] = np.inf
         box[node, 1, j] = -np.inf
@@ -138,11 +138,11 @@ def _widen(box, node, x):
 @njit(inline="always")
 def _put(tree, node, bucket, row, x):
     """Append a point to a leaf that has room."""
-    slot = tree.count[bucket]
+    slot = tree.filled[bucket]
     tree.rows[bucket, slot] = row
     for j in range(x.shape[0]):
         tree.points[bucket, j, slot] = x[j]
-    tree.count[bucket] = slot + 1
+    tree.filled[bucket] = slot + 1
     _widen(tree.box, node, x)
 
 
@@ -166,8 +166,8 @@ def _split_leaf(tree, node):
             split = middle if middle > low else high  # so that neither side is empty, whatever the rounding
     tree.meta[_BUCKETS] += 1
     tree.meta[_NODES] += 2
-    _make_leaf(tree.link, tree.box, tree.count, first, bucket)
-    _make_leaf(tree.link, tree.box, tree.count, first + 1, other)
+    _make_leaf(tree.link, tree.box, tree.filled, first, bucket)
+    _make_leaf(tree.link, tree.box, tree.filled, first + 1, other)
     tree.link[node], tree.axis[node], tree.split[node] = first, axis, split
     for slot in range(BUCKET):
         below = points[axis, slot] < split
@@ -184,7 +184,7 @@ def _insert(tree, row, x):
             _widen(box, node, x)
             node = link[node] if x[axis[node]] < split[node] else link[node] + 1
             depth += 1
-        elif tree.count[-1 - link[node]] == BUCKET:
+        elif tree.filled[-1 - link[node]] == BUCKET:
             _split_leaf(tree, node)
         else:
             _put(tree, node, -1 - link[node], row, x)
@@ -201,14 +201,14 @@ def _remove(tree, row, x):
     while link[node] >= 0:
         node = link[node] if x[axis[node]] < split[node] else link[node] + 1
     bucket = -1 - link[node]
-    last = tree.count[bucket] - 1
+    last = tree.filled[bucket] - 1
     slot = 0
     while rows[bucket, slot] != row:
         slot += 1
     rows[bucket, slot] = rows[bucket, last]
     for j in range(x.shape[0]):
         tree.points[bucket, j, slot] = tree.points[bucket, j, last]
-    tree.count[bucket] = last
+    tree.filled[bucket] = last
 
 
 @njit(inline="always")
@@ -300,7 +300,7 @@ def _two_nearest(tree, x, bound, scratch):
 
     Of points equally near, the lowest row. Where there is no first or second, its distance is `bound`.
     """
-    count, rows, points = tree.count, tree.rows, tree.points
+    filled, rows, points = tree.filled, tree.rows, tree.points
     stack, distances = scratch.stack, scratch.distance
     row, first, second = -1, bound, bound
     stack.node[0] = 0
@@ -312,7 +312,7 @@ def _two_nearest(tree, x, bound, scratch):
             continue
         bucket, top = _descend(tree, stack.node[top], x, second, stack, top)
         _bucket_distances(points, bucket, x, distances)
-        for slot in range(count[bucket]):
+        for slot in range(filled[bucket]):
             distance = distances[slot]
             if distance > second:
                 continue
@@ -332,7 +332,7 @@ def _novelty(tree, x, k, scratch):
     The nearest is left out: it is x itself, or the one x competes with. With fewer than k others, the mean distance to those
     there are, and infinity. The mean of none is 0.
     """
-    count, points = tree.count, tree.points
+    filled, points = tree.filled, tree.points
     stack, distances, nearest = scratch.stack, scratch.distance, scratch.nearest
     found, bound = 0, np.inf
     stack.node[0] = 0
@@ -344,7 +344,7 @@ def _novelty(tree, x, k, scratch):
             continue
         bucket, top = _descend(tree, stack.node[top], x, bound, stack, top)
         _bucket_distances(points, bucket, x, distances)
-        for slot in range(count[bucket]):
+        for slot in range(filled[bucket]):
             distance = distances[slot]
             if found == k + 1 and distance >= bound:
                 continue
@@ -390,7 +390,7 @@ def _near_both(tree, x, y, radius, reach, scratch):
 
     One walk serves both when the ball around y lies in the ball around x. Stops, and says -1, when they do not fit.
     """
-    count, points = tree.count, tree.points
+    filled, points = tree.filled, tree.points
     stack, from_x, from_y = scratch.stack, scratch.distance, scratch.other
     near_x, near_y = scratch.near, scratch.near_other
     n_x = n_y = 0
@@ -402,7 +402,7 @@ def _near_both(tree, x, y, radius, reach, scratch):
             return -1, -1
         _bucket_distances(points, bucket, x, from_x)
         _bucket_distances(points, bucket, y, from_y)
-        for slot in range(count[bucket]):
+        for slot in range(filled[bucket]):
             near_x[n_x] = from_x[slot]
             near_y[n_y] = from_y[slot]
             n_x += from_x[slot] <= radius
@@ -551,7 +551,7 @@ def _add(tree, start, batch, stored, size, rule):
     """
     scratch = _scratch(rule.k)
     for i in range(start, batch.descriptor.shape[0]):
-        if tree.meta[_BUCKETS] == tree.count.shape[0] or _wants_rebuild(tree.meta, size):
+        if tree.meta[_BUCKETS] == tree.filled.shape[0] or _wants_rebuild(tree.meta, size):
             return i, size
         batch.target[i] = -1
         if batch.status[i] < 0:
@@ -590,7 +590,7 @@ def add(tree, batch, stored, size, rule):
         done, size = _add(tree, done, batch, stored, size, rule)
         if done == len(batch.descriptor):
             return tree, size
-        if tree.meta[_BUCKETS] == tree.count.shape[0]:
+        if tree.meta[_BUCKETS] == tree.filled.shape[0]:
             tree = _grown(tree)
         else:
             tree = build(stored.descriptor[:size])

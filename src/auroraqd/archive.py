@@ -157,7 +157,7 @@ class Archive(ABC):
         batch["curiosity"] = np.zeros(len(stored))
         batch["id"] = np.arange(self._next_id, self._next_id + len(stored))
         self._next_id += len(stored)
-        size = len(self) + np.count_nonzero(status == NEW)
+        size = len(self) + int(np.count_nonzero(status == NEW))
         self._population.reserve(size)
         self._population.write(target, batch)
         self._population.resize(size)
@@ -314,14 +314,13 @@ class UnstructuredArchive(Archive):
         self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, l: float | None = None
     ) -> None:
         """As `Archive.redescribe`, with a new l if one is given."""
+        previous = self._l
         if l is not None:
-            l = _threshold(l)
-            previous, self._l = self._l, l
+            self._l = _threshold(l)
         try:
             super().redescribe(descriptor, reconstruction_error=reconstruction_error)
         except ValueError:
-            if l is not None:
-                self._l = previous
+            self._l = previous
             raise
 
     def novelty(self) -> np.ndarray:
@@ -331,32 +330,33 @@ class UnstructuredArchive(Archive):
         return _neighbours.novelties(self._tree, self.descriptor, self.k)
 
     def _clear(self) -> None:
-        self._tree = None
-        self._stored = None
+        self._tree: _neighbours.Tree | None = None
+        self._stored: _neighbours.Stored | None = None
         self._placed = 0
 
     def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
         n, d = descriptor.shape
-        if self._tree is None:
-            self._tree = _neighbours.empty(d)
-            self._stored = _neighbours.room(d, n)
-        elif len(self._stored.fitness) < self._placed + n:
-            self._stored = _neighbours.more_room(self._stored, self._placed, n)
+        tree, stored = self._tree, self._stored
+        if tree is None or stored is None:
+            tree, stored = _neighbours.empty(d), _neighbours.room(d, n)
+        elif len(stored.fitness) < self._placed + n:
+            stored = _neighbours.more_room(stored, self._placed, n)
         batch = _neighbours.Batch(
             np.ascontiguousarray(descriptor), np.ascontiguousarray(fitness), status, np.empty(n, np.int64)
         )
         capacity = np.iinfo(np.int32).max if self.capacity is None else self.capacity
         rule = _neighbours.Rule(self._l, self.k, self.epsilon, self.competition == "elitist", capacity)
         was_full = self._placed >= capacity
-        self._tree, self._placed = _neighbours.add(self._tree, batch, self._stored, self._placed, rule)
+        self._tree, self._placed = _neighbours.add(tree, batch, stored, self._placed, rule)
+        self._stored = stored
         if self._placed >= capacity and not was_full:
             warnings.warn(f"the archive is full ({capacity} individuals): new ones are rejected", stacklevel=3)
         return batch.target
 
 
 def _threshold(l: float) -> float:
-    if not (np.isscalar(l) and np.isfinite(l) and l >= 0):
-        raise ValueError(f"l must be a finite number, 0 or more, got {l}")
+    if not (isinstance(l, int | float | np.integer | np.floating) and 0 <= l < np.inf):
+        raise ValueError(f"l must be a finite number, 0 or more, got {l!r}")
     return float(l)
 
 
@@ -380,4 +380,4 @@ def finite_rows(rows: np.ndarray) -> np.ndarray:
         return np.ones(len(rows), bool)
     if np.isfinite(rows.sum()):  # the common case, in one pass: no sum of finite numbers comes from a NaN or an infinity
         return np.ones(len(rows), bool)
-    return np.isfinite(rows).reshape(len(rows), -1).all(axis=1)
+    return np.asarray(np.isfinite(rows).reshape(len(rows), -1).all(axis=1))

@@ -137,6 +137,10 @@ class Aurora:
         """
         if self._pending is not None:
             raise RuntimeError("ask was called twice: first tell the fitness and observation of the batch asked for before")
+        with _uninterrupted():
+            return self._asked(genotypes)
+
+    def _asked(self, genotypes: ArrayLike | None) -> np.ndarray:
         since = time.perf_counter()
         if genotypes is not None:
             children = self._checked_genotypes(genotypes)
@@ -206,11 +210,8 @@ class Aurora:
         """
         budget = _Budget(self, generations, evaluations, seconds)
         if initial is not None and self._pending is None:
-            known = self._checked_genotypes(initial)
-            if len(self.archive) == 0:
-                missing = max(self.batch_size - len(known), 0)
-                known = np.vstack([known, self._rng.random((missing, self.n_genes))])
-            self.ask(known)
+            with _uninterrupted():
+                self._ask_known(self._checked_genotypes(initial))
         while not budget.used_up():
             genotypes = self.ask() if self._pending is None else self._pending.genotype.copy()
             evaluation = evaluated(task, genotypes, self.generation)
@@ -222,6 +223,11 @@ class Aurora:
             if callback is not None and callback(self) is True:
                 break
         return self
+
+    def _ask_known(self, known: np.ndarray) -> None:
+        """Known controllers as the next batch; in an empty archive, filled up with random ones."""
+        missing = max(self.batch_size - len(known), 0) if len(self.archive) == 0 else 0
+        self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
     def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
         children = np.array(genotypes, np.float64)
@@ -362,13 +368,14 @@ class _Batch(NamedTuple):
 
     def only(self, rows: np.ndarray) -> "_Batch":
         """These rows, (n,) bool."""
-        return _Batch(*(None if column is None else column[rows] for column in self))
+        columns: Any = (None if column is None else column[rows] for column in self)
+        return _Batch(*columns)
 
     def joined(self, other: "_Batch") -> "_Batch":
         """These and the others."""
-        return _Batch(
-            *(None if one is None else np.concatenate([one, two]) for one, two in zip(self, other, strict=True))
-        )
+        pairs = zip(self, other, strict=True)
+        columns: Any = (None if one is None else np.concatenate([one, two]) for one, two in pairs)
+        return _Batch(*columns)
 
 
 class _Budget:

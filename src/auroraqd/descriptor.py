@@ -111,11 +111,7 @@ class Descriptor:
             raise TypeError(
                 f"descriptor must be {HAND_CODED!r}, {GENOTYPE!r} or an object with fit and transform, got {source!r}"
             )
-        source = copy.deepcopy(source)
-        if hasattr(source, "get_params") and hasattr(source, "set_params"):
-            unseeded = [k for k, v in source.get_params().items() if k.split("__")[-1] == "random_state" and v is None]
-            source.set_params(**{name: int(rng.integers(2**31)) for name in sorted(unseeded)})
-        return cls(source)
+        return cls(_seeded(copy.deepcopy(source), rng))
 
     @property
     def learned(self) -> bool:
@@ -135,14 +131,14 @@ class Descriptor:
 
     def refitted(self, observation: np.ndarray) -> "Descriptor":
         """A new descriptor, learned from observations, (n, ...). The old one stays as it was, whatever happens."""
-        transformer = copy.deepcopy(self.source)
+        transformer: Any = copy.deepcopy(self.source)
         scaling = Scaling.of(observation)
         transformer.fit(scaling.scaler(observation[0].size)(observation))
         return Descriptor(transformer).restored(scaling, observation[0].size)
 
     def restored(self, scaling: Scaling, features: int) -> "Descriptor":
         """The descriptor of a transformer that has been fitted on observations scaled like this."""
-        transformer = self.source
+        transformer: Any = self.source
         encode, decode = transformer.transform, getattr(transformer, "inverse_transform", None)
         if _is_affine(transformer):
             # A call of a scikit-learn pipeline costs as much as everything else in a generation; a product, 1% of that.
@@ -196,6 +192,15 @@ class Descriptor:
         return np.asarray(ground_truth, np.float64).reshape(len(ground_truth), -1)
 
 
+def _seeded(transformer: Any, rng: np.random.Generator) -> Any:
+    """The same object, its parameters called `random_state` that are None set to numbers."""
+    if hasattr(transformer, "get_params") and hasattr(transformer, "set_params"):
+        parameters = transformer.get_params().items()
+        unseeded = sorted(name for name, value in parameters if name.split("__")[-1] == "random_state" and value is None)
+        transformer.set_params(**{name: int(rng.integers(2**31)) for name in unseeded})
+    return transformer
+
+
 def _affine(function: Any, features: int) -> _Affine:
     """An affine function of (n, features) as one matrix."""
     points = np.vstack([np.zeros(features), np.eye(features)])
@@ -219,4 +224,3 @@ def _is_affine(transformer: Any) -> bool:
         preprocessing.MaxAbsScaler,
     )
     return type(transformer) in affine
-

@@ -28,7 +28,7 @@ class RunProgress:
 
     def __enter__(self) -> "RunProgress":
         if self._console.is_terminal:
-            self._bar = Progress(
+            self._bar = bar = Progress(
                 TextColumn("generation"),
                 MofNCompleteColumn(),
                 BarColumn(),
@@ -38,8 +38,8 @@ class RunProgress:
                 TimeRemainingColumn(),
                 console=self._console,
             )
-            self._bar.start()
-            self._task = self._bar.add_task("", total=self._generations, state="")
+            bar.start()
+            self._task = bar.add_task("", total=self._generations, state="")
         self._since, self._evaluations = time.monotonic(), 0
         self._next = self._since + (0 if self._bar else self._gap)
         return self

@@ -194,10 +194,11 @@ def _load_descriptor(
     if "transformer.skops" not in arrays:
         raise ValueError("the repertoire was saved without its transformer")
     import skops.io
+    from skops.io.exceptions import UntrustedTypesFoundException
 
     try:
         transformer = skops.io.loads(arrays["transformer.skops"].tobytes(), trusted=list(trusted))
-    except skops.io.exceptions.UntrustedTypesFoundException as error:
+    except UntrustedTypesFoundException as error:
         raise ValueError(f"the descriptor needs types that are not trusted: {error}") from None
     scaling = Scaling(arrays["scaling.low"], arrays["scaling.high"])
     return Descriptor(transformer).restored(scaling, math.prod(columns["observation"].shape[1:]))

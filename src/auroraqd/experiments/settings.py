@@ -47,7 +47,7 @@ class Settings:
     l: float = 0.0
     k: int = 15
     epsilon: float = 0.1
-    competition: str = "dominance"
+    competition: Any = "dominance"
     capacity: int | None = None
 
     def __post_init__(self) -> None:
@@ -69,7 +69,11 @@ class Settings:
         """
         task = TASKS[self.task]()
         archive = UnstructuredArchive(
-            l=self.l, k=self.k, epsilon=self.epsilon, competition=self.competition, capacity=self.capacity  # type: ignore[arg-type]
+            l=self.l,
+            k=self.k,
+            epsilon=self.epsilon,
+            competition=self.competition,
+            capacity=self.capacity,
         )
         aurora = Aurora(
             task.n_genes,
@@ -155,5 +159,3 @@ def _value(name: str, kind: Any, text: str) -> Any:
         return kind(text)
     except ValueError:
         raise ValueError(f"{name} must be {'a whole number' if kind is int else 'a number'}, got {text!r}") from None
-
-

@@ -5,6 +5,7 @@ An individual has one colour in all panels, given by its place in ground-truth s
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -19,7 +20,7 @@ from auroraqd.repertoire import Repertoire
 FORMATS = ("png", "svg")
 _CORNERS = np.array([[[38, 70, 160], [0, 160, 135]], [[200, 40, 120], [245, 180, 30]]]) / 255  # [x, y] of the unit square
 _MOST_TRAJECTORIES = 600
-_STYLE = {
+_STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.titlesize": 11,
@@ -79,7 +80,8 @@ def history_figure(records: Sequence[Record]) -> Figure:
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(4.4 * max(len(columns), 1), 3.2), layout="constrained")
-        for axes, (name, values) in zip(figure.subplots(1, max(len(columns), 1), squeeze=False)[0], columns.items(), strict=False):
+        panels = figure.subplots(1, max(len(columns), 1), squeeze=False)[0]
+        for axes, (name, values) in zip(panels, columns.items(), strict=False):
             axes.plot(generation, values, color="#2646a0", linewidth=1.3)
             axes.set(xlabel="generation", title=labels[name])
             axes.set_xlim(left=0)
