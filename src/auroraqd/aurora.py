@@ -373,7 +373,7 @@ class _Batch(NamedTuple):
 
     def joined(self, other: "_Batch") -> "_Batch":
         """These and the others."""
-        pairs = zip(self, other, strict=True)
+        pairs: Any = zip(self, other, strict=True)
         columns: Any = (None if one is None else np.concatenate([one, two]) for one, two in pairs)
         return _Batch(*columns)
 
