@@ -5,13 +5,17 @@
 
 All do the ballistic task in batches of 200, with a two-dimensional PCA of the scaled trajectories that was fitted once before,
 on uniformly random throws: nothing is refitted while the clock runs. All mutate one or both of the two genes by polynomial
-mutation. Times are medians, with the systems taking turns generation by generation, so that noise of the machine meets both.
+mutation. Times are medians. The systems take turns in blocks of a few generations, so that the machine's noise meets both and each works
+with its own data in the cache, as it would alone.
 
-pyribs has no AURORA; the loop around its archive is the cheapest that does the same work. Parents are `sample_elites`,
-children `auroraqd.Polynomial`, descriptors `Aurora.describe`: an emitter and a scheduler would add to its time. Its archive has
-no local competition, which a constant fitness would leave without effect, and keeps neither observations nor ground truths,
-although a refit would need the observations. That of auroraqd keeps them, and its generation also takes the curiosity score,
-the reconstruction errors and the history.
+pyribs has no AURORA. Two loops around its archive:
+
+- bare: the cheapest that does the work. Parents are `sample_elites`, children `auroraqd.Polynomial`, descriptors
+  `Aurora.describe`; the archive keeps neither observations nor ground truths, although a refit would need the observations.
+- taught: as its tutorials have it, with `GaussianEmitter`, `Scheduler` and scikit-learn's PCA, the observations kept in the archive.
+
+Neither has local competition, which a constant fitness would leave without effect. The generation of auroraqd also takes the
+curiosity score, the reconstruction errors and the history.
 
 The two archives decide differently: pyribs adds what has a mean distance to its 15 nearest above a threshold, judges a batch
 against what was stored before it, and replaces nothing; auroraqd adds what is farther than l from its nearest, one individual
@@ -40,7 +44,8 @@ import auroraqd
 BATCH = 200
 NEIGHBOURS = 15
 SEEDS = 6
-TIMED = 12  # generations of each seed that count
+BLOCKS = 2  # turns of each seed
+TIMED = 6  # generations of a turn that count
 FULL_AFTER = 600  # generations
 QDAX_SIZE = 1_000
 QDAX_TIMED = 20
@@ -154,6 +159,54 @@ class Pyribs:
         status = self.archive.add(genotypes, None, measures)["status"]
         end = time.perf_counter()
         return Timing(end - before_add, end - since, np.count_nonzero(status), len(self))
+
+
+class PyribsTaught:
+    """The loop of pyribs' tutorials: an emitter, a scheduler, and a scikit-learn pipeline for the measures.
+
+    Args:
+        novelty: threshold of the archive.
+        seed: of all that is random.
+        scaling: the range of x and y.
+        pca: fitted on observations scaled by it.
+    """
+
+    def __init__(self, novelty, seed, scaling, pca):
+        from ribs.archives import ProximityArchive
+        from ribs.emitters import GaussianEmitter
+        from ribs.schedulers import Scheduler
+
+        self.task = auroraqd.tasks.Ballistic()
+        self.scaling, self.pca = scaling, pca
+        self.archive = ProximityArchive(
+            solution_dim=self.task.n_genes,
+            measure_dim=2,
+            k_neighbors=NEIGHBOURS,
+            novelty_threshold=novelty,
+            extra_fields={"observation": ((auroraqd.tasks.ballistic.STEPS, 2), np.float64)},
+            seed=seed,
+        )
+        bounds = [(0, 1)] * self.task.n_genes
+        emitter = GaussianEmitter(
+            self.archive, sigma=0.05, x0=np.full(self.task.n_genes, 0.5), bounds=bounds, batch_size=BATCH, seed=seed
+        )
+        self.scheduler = Scheduler(self.archive, [emitter])
+
+    def __len__(self):
+        return len(self.archive)
+
+    def generation(self):
+        """One generation, timed. Throws that are invalid are added too: the scheduler wants all it asked for."""
+        before = len(self)
+        since = time.perf_counter()
+        _, observation, _ = self.task(self.scheduler.ask())
+        low, high = self.scaling
+        scaled = (observation - low) / (high - low) * 2 - 1
+        measures = self.pca.transform(scaled.reshape(len(scaled), -1))
+        before_tell = time.perf_counter()
+        self.scheduler.tell(None, measures, observation=observation)
+        end = time.perf_counter()
+        return Timing(end - before_tell, end - since, len(self) - before, len(self))
 
 
 class Qdax:
@@ -281,22 +334,39 @@ def times(ours, theirs):
 
 
 def compare_pyribs():
-    """The archive step and the whole generation, beside pyribs."""
-    print(f"\n### auroraqd and pyribs' ProximityArchive, batches of {BATCH}, medians of {SEEDS * TIMED}\n")
-    row(["phase", "stored, auroraqd / pyribs", "stored of a batch", "step", "auroraqd ms", "pyribs ms", "pyribs / auroraqd"])
-    row(["---"] * 7)
+    """The archive step and the whole generation, beside the two loops around pyribs' archive."""
+    print(f"\n### auroraqd and pyribs' ProximityArchive, batches of {BATCH}, medians of {SEEDS * BLOCKS * TIMED}\n")
+    row(["phase", "step", "loop of pyribs", "stored", "stored of a batch", "auroraqd ms", "pyribs ms", "pyribs / auroraqd"])
+    row(["---"] * 8)
     for case in CASES:
-        ours, theirs = [], []
+        timings = {"auroraqd": [], "bare": [], "taught": []}
         for seed in range(SEEDS):
-            us = filled(Ours(case.l, seed), case)
-            them = filled(Pyribs(case.novelty, seed, us.aurora.describe), case)
-            for _ in range(TIMED):
-                ours.append(us.generation())
-                theirs.append(them.generation())
-        sizes = " / ".join(f"{median_of(timings, 'size'):,.0f}" for timings in (ours, theirs))
-        stored = " / ".join(f"{median_of(timings, 'stored'):.0f}" for timings in (ours, theirs))
-        for field, name in (("step", "archive.add"), ("whole", "generation")):
-            row([case.phase, sizes, stored, name, *times(median_of(ours, field), median_of(theirs, field))])
+            for name, times_of_seed in zip(timings, one_seed(case, seed), strict=True):
+                timings[name] += times_of_seed
+        ours = timings["auroraqd"]
+        for field, step in (("step", "archive.add"), ("whole", "generation")):
+            for loop in ("bare", "taught"):
+                theirs = timings[loop]
+                sizes = " / ".join(f"{median_of(of, 'size'):,.0f}" for of in (ours, theirs))
+                stored = " / ".join(f"{median_of(of, 'stored'):.0f}" for of in (ours, theirs))
+                row([case.phase, step, loop, sizes, stored, *times(median_of(ours, field), median_of(theirs, field))])
+
+
+def one_seed(case, seed):
+    """Timings of the three loops, which take turns in blocks."""
+    us = filled(Ours(case.l, seed), case)
+    descriptor = us.aurora.descriptor
+    systems = (
+        us,
+        filled(Pyribs(case.novelty, seed, us.aurora.describe), case),
+        filled(PyribsTaught(case.novelty, seed, descriptor.scaling, descriptor.source), case),
+    )
+    timings = ([], [], [])
+    for _ in range(BLOCKS):
+        for system, out in zip(systems, timings, strict=True):
+            system.generation()  # warms the cache
+            out += [system.generation() for _ in range(TIMED)]
+    return timings
 
 
 def compare_qdax():

@@ -284,13 +284,14 @@ class Aurora:
 
     def _place(self, batch: "_Batch", valid: np.ndarray, update: bool) -> np.ndarray:
         """Add a batch, after an update of the descriptor if there is to be one, and credit the parents."""
-        status = np.full(len(valid), INVALID, np.int8)
-        individuals = batch if valid.all() else batch.only(valid)
         update = update or not self._descriptor.ready
         if update:
-            self._update(individuals)
+            self._update(batch.only(valid))
+        status = np.full(len(valid), INVALID, np.int8)
+        describable = finite_rows(batch.observation)  # what is invalid by its fitness alone is left to the archive
+        individuals = batch.only(describable)
         descriptor, error = self._descriptor.describe(*individuals.sources)
-        status[valid] = self.archive.add(
+        status[describable] = self.archive.add(
             individuals.genotype,
             individuals.fitness,
             individuals.observation,
@@ -368,6 +369,8 @@ class _Batch(NamedTuple):
 
     def only(self, rows: np.ndarray) -> "_Batch":
         """These rows, (n,) bool."""
+        if rows.all():
+            return self
         columns: Any = (None if column is None else column[rows] for column in self)
         return _Batch(*columns)
 
