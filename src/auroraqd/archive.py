@@ -291,6 +291,7 @@ class UnstructuredArchive(Archive):
         self.competition = competition
         self.capacity = None if capacity is None else int(capacity)
         self._l = _threshold(l)
+        self._scratch = _neighbours.scratch(self.k)
         self._clear()
 
     def __repr__(self) -> str:
@@ -347,7 +348,7 @@ class UnstructuredArchive(Archive):
         capacity = np.iinfo(np.int32).max if self.capacity is None else self.capacity
         rule = _neighbours.Rule(self._l, self.k, self.epsilon, self.competition == "elitist", capacity)
         was_full = self._placed >= capacity
-        self._tree, self._placed = _neighbours.add(tree, batch, stored, self._placed, rule)
+        self._tree, self._placed = _neighbours.add(tree, batch, stored, self._placed, rule, self._scratch)
         self._stored = stored
         if self._placed >= capacity and not was_full:
             warnings.warn(f"the archive is full ({capacity} individuals): new ones are rejected", stacklevel=3)
