@@ -102,7 +102,7 @@ class Aurora:
         if prior is not None:
             if not self._descriptor.learned:
                 raise ValueError(f"prior is for descriptors that are learned, not for {descriptor!r}")
-            self._descriptor = self._descriptor.refitted(np.asarray(prior))
+            self._descriptor = self._descriptor.refitted(_checked_prior(prior))
         self._waiting: _Batch | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
         self._pending: _Pending | None = None
@@ -264,7 +264,7 @@ class Aurora:
             batch = self._waiting.joined(batch)
         valid = batch.valid
         update = self._update_due or self.schedule(self.generation)
-        if self._descriptor.ready or np.count_nonzero(valid) >= self._descriptor.rows_to_fit:
+        if self._descriptor.ready or np.count_nonzero(valid) + len(self.archive) >= self._descriptor.rows_to_fit:
             status = self._place(batch, valid, update)
             self._update_due = update and len(self.archive) == 0
             self._waiting = None
@@ -284,33 +284,38 @@ class Aurora:
 
     def _place(self, batch: "_Batch", valid: np.ndarray, update: bool) -> np.ndarray:
         """Add a batch, after an update of the descriptor if there is to be one, and credit the parents."""
-        update = update or not self._descriptor.ready
-        if update:
-            self._update(batch.only(valid))
-        status = np.full(len(valid), INVALID, np.int8)
         describable = finite_rows(batch.observation)  # what is invalid by its fitness alone is left to the archive
         individuals = batch.only(describable)
-        descriptor, error = self._descriptor.describe(*individuals.sources)
-        status[describable] = self.archive.add(
-            individuals.genotype,
-            individuals.fitness,
-            individuals.observation,
-            descriptor,
-            ground_truth=individuals.ground_truth,
-            reconstruction_error=error,
-        )
-        self.archive.credit(batch.parent_id, status, rows=None if update else batch.parent_row)
+        renewal = self._renewal(batch.only(valid)) if update or not self._descriptor.ready else None
+        descriptor = self._descriptor if renewal is None else renewal.descriptor
+        status = np.full(len(valid), INVALID, np.int8)
+        if len(individuals.genotype):
+            values, error = descriptor.describe(*individuals.sources)
+            # Up to here anything may raise; from here on the state changes.
+            if renewal is not None:
+                self._renew(renewal)
+            status[describable] = self.archive.add(
+                individuals.genotype,
+                individuals.fitness,
+                individuals.observation,
+                values,
+                ground_truth=individuals.ground_truth,
+                reconstruction_error=error,
+            )
+        elif renewal is not None:
+            self._renew(renewal)
+        self.archive.credit(batch.parent_id, status, rows=None if renewal is not None else batch.parent_row)
         return status
 
-    def _update(self, individuals: "_Batch") -> None:
-        """Refit the descriptor if it is learned, redefine l, describe and add all again (paper, Sec. "AURORA").
+    def _renewal(self, individuals: "_Batch") -> "_Renewal | None":
+        """The descriptor refitted, if it is learned, and all that is stored described by it (paper, Sec. "AURORA").
 
-        While nothing is stored, on the individuals about to be added.
+        While nothing is stored, from the individuals about to be added; None when there are none either.
         """
         archive = self.archive
         stored = len(archive) > 0
         if not stored and len(individuals.genotype) == 0:
-            return
+            return None
         sources = (archive.genotype, archive.observation, archive.ground_truth) if stored else individuals.sources
         descriptor = self._descriptor
         if self._refits or not descriptor.ready:
@@ -318,12 +323,14 @@ class Aurora:
         values, error = descriptor.describe(*sources)
         if not np.isfinite(values).all():
             raise ValueError(f"the descriptor must be finite for all that is stored: {descriptor} gave a NaN or an infinity")
-        options = {} if self.resolution is None else {"l": self.resolution(values)}
-        if stored:
-            archive.redescribe(values, reconstruction_error=error, **options)
-        elif options:
-            archive.redescribe(values[:0], **options)
-        self._descriptor = descriptor
+        l = None if self.resolution is None else self.resolution(values)
+        return _Renewal(descriptor, values if stored else values[:0], error if stored else None, l)
+
+    def _renew(self, renewal: "_Renewal") -> None:
+        """Take over a new descriptor: redefine l and add all again."""
+        options = {} if renewal.l is None else {"l": renewal.l}
+        self.archive.redescribe(renewal.values, reconstruction_error=renewal.error, **options)
+        self._descriptor = renewal.descriptor
 
     def _record(self) -> None:
         error = self.archive.reconstruction_error
@@ -345,6 +352,15 @@ class Aurora:
                 f"task {name_of(task)} gave no valid individual in {self.generation} generations: fitness or observation was "
                 f"NaN or infinite for all {self.evaluations} evaluations"
             )
+
+
+class _Renewal(NamedTuple):
+    """What an update of the descriptor will change."""
+
+    descriptor: Descriptor
+    values: np.ndarray  # (n, d), the new descriptors of all that is stored
+    error: np.ndarray | None  # (n,), the new reconstruction errors
+    l: float | None
 
 
 class _Batch(NamedTuple):
@@ -403,6 +419,15 @@ class _Budget:
             or self._aurora.evaluations >= self._evaluations
             or time.monotonic() >= self._deadline
         )
+
+
+def _checked_prior(prior: ArrayLike) -> np.ndarray:
+    observation = np.asarray(prior)
+    if observation.dtype.kind not in "biuf" or observation.ndim < 1 or observation.size == 0:
+        raise ValueError(f"prior must be observations, (n, ...) numbers, got shape {observation.shape} of {observation.dtype}")
+    if not finite_rows(observation).all():
+        raise ValueError("prior must be finite, got a NaN or an infinity")
+    return observation
 
 
 def _whole(name: str, value: int) -> int:

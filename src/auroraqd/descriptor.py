@@ -6,6 +6,7 @@ Aurora replaces when it is refitted.
 """
 
 import copy
+import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -157,10 +158,7 @@ class Descriptor:
             raise RuntimeError(f"the descriptor {self.source!r} is not learned from observations")
         if not self.ready:
             raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
-        features = len(self.flatten.center)
-        if observation.ndim == 0 or observation[:1].size not in (0, features):
-            raise ValueError(f"observation must have shape (n, ...) with {features} entries a row, got {observation.shape}")
-        return np.asarray(self.encode(self.flatten(observation)), np.float64)
+        return self._encoded(self._flat(observation))
 
     def describe(
         self, genotype: np.ndarray, observation: np.ndarray, ground_truth: np.ndarray | None
@@ -174,15 +172,27 @@ class Descriptor:
         """
         if not self.learned:
             return self._read(genotype, ground_truth), None
-        x = self.flatten(observation)
-        z = np.asarray(self.encode(x), np.float64)
-        if z.ndim != 2 or len(z) != len(x):
-            raise ValueError(f"{self} must return shape ({len(x)}, descriptor dimensions), got {z.shape}")
+        x = self._flat(observation)
+        z = self._encoded(x)
         if self.decode is None:
             return z, None
-        difference = self.decode(z)
-        difference -= x
+        difference = np.asarray(self.decode(z), np.float64) - x
         return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
+
+    def _flat(self, observation: np.ndarray) -> np.ndarray:
+        features = len(self.flatten.center)
+        if observation.ndim == 0 or math.prod(observation.shape[1:]) != features:
+            raise ValueError(
+                f"observation must have shape (n, ...) with {features} entries a row, as the descriptor was fitted on, "
+                f"got {observation.shape}"
+            )
+        return self.flatten(observation)
+
+    def _encoded(self, x: np.ndarray) -> np.ndarray:
+        z = np.asarray(self.encode(x), np.float64)
+        if z.ndim != 2 or len(z) != len(x) or z.shape[1] == 0:
+            raise ValueError(f"{self} must return shape ({len(x)}, descriptor dimensions), got {z.shape}")
+        return z
 
     def _read(self, genotype: np.ndarray, ground_truth: np.ndarray | None) -> np.ndarray:
         if self.source == GENOTYPE:
