@@ -5,14 +5,15 @@
 
 All do the ballistic task in batches of 200, with a two-dimensional PCA of the scaled trajectories that was fitted once before,
 on uniformly random throws: nothing is refitted while the clock runs. All mutate one or both of the two genes by polynomial
-mutation. Times are medians. The systems take turns in blocks of a few generations, so that the machine's noise meets both and each works
-with its own data in the cache, as it would alone.
+mutation. Times are medians. The systems take turns in blocks of a few generations, so that the machine's noise meets both
+and each works with its own data in the cache, as it would alone.
 
 pyribs has no AURORA. Two loops around its archive:
 
 - bare: the cheapest that does the work. Parents are `sample_elites`, children `auroraqd.Polynomial`, descriptors
   `Aurora.describe`; the archive keeps neither observations nor ground truths, although a refit would need the observations.
-- taught: as its tutorials have it, with `GaussianEmitter`, `Scheduler` and scikit-learn's PCA, the observations kept in the archive.
+- taught: as its tutorials have it, with `GaussianEmitter`, `Scheduler` and scikit-learn's PCA; the archive keeps the
+  observations.
 
 Neither has local competition, which a constant fitness would leave without effect. The generation of auroraqd also takes the
 curiosity score, the reconstruction errors and the history.

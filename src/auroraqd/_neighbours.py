@@ -25,6 +25,8 @@ BUCKET = 32  # points a leaf can hold
 _SLACK = 1.12  # neighbours that moved away since a reach was measured; found by trying
 _DEPTH_LIMIT = 4000  # a deeper tree is rebuilt at once: it is the size of the stacks below
 
+# Positions in a line of Tree.node; the corners of the box follow from _BOX on.
+_LINK, _AXIS, _SPLIT, _BOX = range(4)
 # Positions in Tree.meta.
 _NODES, _BUCKETS, _DEPTH, _BUILT_DEPTH, _CHANGES = range(5)
 
@@ -42,20 +44,19 @@ class Tree(NamedTuple):
     """A k-d tree over rows of points, all distinct. Children are adjacent nodes; a leaf owns one bucket.
 
     Attributes:
-        link: (nodes,) int32. The first of two children, or `-1 - bucket` for a leaf.
-        axis: (nodes,) int32 and
-        split: (nodes,) float64. Points with `x[axis] < split` are below the first child, the others below the second.
-        box: (nodes, 2, d) float64. Lower and upper corner of a box that holds every point below the node.
+        node: (nodes, 3 + 2 d) float64. A line for each node, so that a visit costs one miss of the cache: its link, axis and
+            split (points with `x[axis] < split` are below the first child, the others below the second), then the lower and
+            the upper corner of a box that holds every point below it.
+        integer: (nodes, 3 + 2 d) int64, the same memory, to read link and axis. The link is the first of two children, or
+            `-1 - bucket` for a leaf.
         filled: (buckets,) int32. Points in a bucket.
         rows: (buckets, BUCKET) int32. Their rows.
         points: (buckets, d, BUCKET) float64. Their coordinates, first `filled` of each line valid.
         meta: (5,) int64. Nodes and buckets in use, depth now and after the last build, insertions since.
     """
 
-    link: np.ndarray
-    axis: np.ndarray
-    split: np.ndarray
-    box: np.ndarray
+    node: np.ndarray
+    integer: np.ndarray
     filled: np.ndarray
     rows: np.ndarray
     points: np.ndarray
@@ -64,12 +65,10 @@ class Tree(NamedTuple):
 
 def _allocated(d, buckets):
     """Room for a tree of this many buckets."""
-    nodes = 2 * buckets
+    node = np.empty((2 * buckets, _BOX + 2 * d))
     return Tree(
-        link=np.empty(nodes, np.int32),
-        axis=np.empty(nodes, np.int32),
-        split=np.empty(nodes),
-        box=np.empty((nodes, 2, d)),
+        node=node,
+        integer=node.view(np.int64),
         filled=np.empty(buckets, np.int32),
         rows=np.empty((buckets, BUCKET), np.int32),
         points=np.zeros((buckets, d, BUCKET)),
@@ -80,15 +79,15 @@ def _allocated(d, buckets):
 def empty(d):
     """A tree without points in d dimensions: one leaf."""
     tree = _allocated(d, 4)
-    tree.link[0], tree.filled[0] = -1, 0
-    tree.box[0, 0], tree.box[0, 1] = np.inf, -np.inf
+    tree.integer[0, _LINK], tree.filled[0] = -1, 0
+    tree.node[0, _BOX : _BOX + d], tree.node[0, _BOX + d :] = np.inf, -np.inf
     tree.meta[_NODES] = tree.meta[_BUCKETS] = 1
     return tree
 
 
 def _grown(tree):
     """The same tree with room for half as many buckets again."""
-    grown = _allocated(tree.box.shape[2], tree.filled.shape[0] * 3 // 2)
+    grown = _allocated(tree.points.shape[1], tree.filled.shape[0] * 3 // 2)
     for column, old in zip(grown, tree, strict=True):
         column[: len(old)] = old
     return grown
@@ -122,22 +121,24 @@ def _insert_rows(tree, points, order, start):
 
 
 @njit(inline="always")
-def _make_leaf(link, box, filled, node, bucket):
+def _make_leaf(tree, node, bucket):
     """An empty leaf: its box is inside out."""
-    link[node] = -1 - bucket
-    filled[bucket] = 0
-    for j in range(box.shape[2]):
-        box[node, 0, j] = np.inf
-        box[node, 1, j] = -np.inf
+    tree.integer[node, _LINK] = -1 - bucket
+    tree.filled[bucket] = 0
+    d = tree.points.shape[1]
+    for j in range(d):
+        tree.node[node, _BOX + j] = np.inf
+        tree.node[node, _BOX + d + j] = -np.inf
 
 
 @njit(inline="always")
-def _widen(box, node, x):
-    for j in range(x.shape[0]):
-        if x[j] < box[node, 0, j]:
-            box[node, 0, j] = x[j]
-        if x[j] > box[node, 1, j]:
-            box[node, 1, j] = x[j]
+def _widen(tree, node, x):
+    d = x.shape[0]
+    for j in range(d):
+        if x[j] < tree.node[node, _BOX + j]:
+            tree.node[node, _BOX + j] = x[j]
+        if x[j] > tree.node[node, _BOX + d + j]:
+            tree.node[node, _BOX + d + j] = x[j]
 
 
 @njit(inline="always")
@@ -148,7 +149,7 @@ def _put(tree, node, bucket, row, x):
     for j in range(x.shape[0]):
         tree.points[bucket, j, slot] = x[j]
     tree.filled[bucket] = slot + 1
-    _widen(tree.box, node, x)
+    _widen(tree, node, x)
 
 
 @_kernel
@@ -157,7 +158,7 @@ def _split_leaf(tree, node):
 
     Boxes become tight again. The leaf's bucket becomes the first child's.
     """
-    bucket = -1 - tree.link[node]
+    bucket = -1 - tree.integer[node, _LINK]
     other, first = tree.meta[_BUCKETS], tree.meta[_NODES]
     rows, points = tree.rows[bucket], tree.points[bucket]
     axis, split, widest = 0, 0.0, -1.0
@@ -171,9 +172,9 @@ def _split_leaf(tree, node):
             split = middle if middle > low else high  # so that neither side is empty, whatever the rounding
     tree.meta[_BUCKETS] += 1
     tree.meta[_NODES] += 2
-    _make_leaf(tree.link, tree.box, tree.filled, first, bucket)
-    _make_leaf(tree.link, tree.box, tree.filled, first + 1, other)
-    tree.link[node], tree.axis[node], tree.split[node] = first, axis, split
+    _make_leaf(tree, first, bucket)
+    _make_leaf(tree, first + 1, other)
+    tree.integer[node, _LINK], tree.integer[node, _AXIS], tree.node[node, _SPLIT] = first, axis, split
     for slot in range(BUCKET):  # a point that stays moves to a slot that has been read already
         below = points[axis, slot] < split
         _put(tree, first if below else first + 1, bucket if below else other, rows[slot], points[:, slot])
@@ -182,17 +183,17 @@ def _split_leaf(tree, node):
 @_kernel
 def _insert(tree, row, x):
     """Insert a point that equals none of those stored. There must be a free bucket."""
-    link, axis, split, box = tree.link, tree.axis, tree.split, tree.box
     node, depth = 0, 0
     while True:
-        if link[node] >= 0:
-            _widen(box, node, x)
-            node = link[node] if x[axis[node]] < split[node] else link[node] + 1
+        link = tree.integer[node, _LINK]
+        if link >= 0:
+            _widen(tree, node, x)
+            node = link + (x[tree.integer[node, _AXIS]] >= tree.node[node, _SPLIT])
             depth += 1
-        elif tree.filled[-1 - link[node]] == BUCKET:
+        elif tree.filled[-1 - link] == BUCKET:
             _split_leaf(tree, node)
         else:
-            _put(tree, node, -1 - link[node], row, x)
+            _put(tree, node, -1 - link, row, x)
             break
     tree.meta[_DEPTH] = max(tree.meta[_DEPTH], depth)
     tree.meta[_CHANGES] += 1
@@ -201,11 +202,11 @@ def _insert(tree, row, x):
 @_kernel
 def _remove(tree, row, x):
     """Remove the point of this row, stored at x. Boxes stay as they are: too wide is still right."""
-    link, axis, split, rows = tree.link, tree.axis, tree.split, tree.rows
+    rows = tree.rows
     node = 0
-    while link[node] >= 0:
-        node = link[node] if x[axis[node]] < split[node] else link[node] + 1
-    bucket = -1 - link[node]
+    while tree.integer[node, _LINK] >= 0:
+        node = tree.integer[node, _LINK] + (x[tree.integer[node, _AXIS]] >= tree.node[node, _SPLIT])
+    bucket = -1 - tree.integer[node, _LINK]
     last = tree.filled[bucket] - 1
     slot = 0
     while rows[bucket, slot] != row:
@@ -217,11 +218,12 @@ def _remove(tree, row, x):
 
 
 @njit(inline="always")
-def _box_distance(box, node, x):
+def _box_distance(tree, node, x):
     """Squared distance to the box of a node; see the module docstring for why it may be compared without a margin."""
     total = 0.0
-    for j in range(x.shape[0]):
-        outside = max(max(box[node, 0, j] - x[j], x[j] - box[node, 1, j]), 0.0)
+    d = x.shape[0]
+    for j in range(d):
+        outside = max(max(tree.node[node, _BOX + j] - x[j], x[j] - tree.node[node, _BOX + d + j]), 0.0)
         total += outside * outside
     return total
 
@@ -249,19 +251,20 @@ def _descend(tree, node, x, bound, stack, top):
 
     The distance to the splitting plane, one number, rules most of them out before the distance to their box.
     """
-    link, axis, split, box = tree.link, tree.axis, tree.split, tree.box
-    while link[node] >= 0:
-        beyond = x[axis[node]] - split[node]
-        near = link[node] + (beyond >= 0)
+    link = tree.integer[node, _LINK]
+    while link >= 0:
+        beyond = x[tree.integer[node, _AXIS]] - tree.node[node, _SPLIT]
+        near = link + (beyond >= 0)
         if beyond * beyond <= bound:
-            far = link[node] + (beyond < 0)
-            distance = _box_distance(box, far, x)
+            far = link + (beyond < 0)
+            distance = _box_distance(tree, far, x)
             if distance <= bound:
                 stack.node[top] = far
                 stack.distance[top] = distance
                 top += 1
         node = near
-    return -1 - link[node], top
+        link = tree.integer[node, _LINK]
+    return -1 - link, top
 
 
 class _Stack(NamedTuple):
