@@ -60,24 +60,29 @@ def throws(genotypes):
     return {name: column[valid] for name, column in columns.items()}
 
 
-def offspring(archive, rng, batches):
+def offspring(archive, rng, batches, size=BATCH):
     """Batches of a run: children of parents chosen by curiosity, every one mutated."""
     for _ in range(batches):
-        parents = archive.genotype[auroraqd.Curiosity()(archive, BATCH, rng)]
+        parents = archive.genotype[auroraqd.Curiosity()(archive, size, rng)]
         yield throws(auroraqd.Polynomial()(parents, rng))
 
 
 def real_offspring():
-    """`add` of offspring of real throws: in the archive of a real run, and in one of a million."""
+    """`add` of offspring of real throws: in the archive of a real run, and in one that offspring filled to a million.
+
+    Both archives are near saturation: l is such that they would hold some 3% and 25% more in the end.
+    """
     print("\n### `archive.add`, 200 real offspring without copies, d = 2\n")
     print("| stored | us a row (median of 300 batches) |\n|---|---|")
     rng = np.random.default_rng(1)
     task = auroraqd.tasks.Ballistic()
     aurora = auroraqd.Aurora(task.n_genes, "hand-coded", seed=0)
     aurora.run(task, generations=5000, callback=lambda run: len(run.archive) >= 15_000)
-    archive = auroraqd.UnstructuredArchive(l=0.00062)
+    archive = auroraqd.UnstructuredArchive(l=0.0008)
+    archive.add(**throws(rng.random((100_000, 2))))
     while len(archive) < 1_000_000:
-        archive.add(**throws(rng.random((20_000, 2))))
+        for batch in offspring(archive, rng, 1, size=20_000):
+            archive.add(**batch)
     for filled in (aurora.archive, archive):
         size = len(filled)
         print(f"| {size:,} | {median_add(filled, offspring(filled, rng, 300)):.2f} |", flush=True)

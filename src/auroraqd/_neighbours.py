@@ -182,7 +182,7 @@ def _split_leaf(tree, node):
 
 @_kernel
 def _insert(tree, row, x):
-    """Insert a point that equals none of those stored. There must be a free bucket."""
+    """Insert a point that equals none of those stored; there must be a free bucket. Returns the bucket it went to."""
     node, depth = 0, 0
     while True:
         link = tree.integer[node, _LINK]
@@ -197,6 +197,7 @@ def _insert(tree, row, x):
             break
     tree.meta[_DEPTH] = max(tree.meta[_DEPTH], depth)
     tree.meta[_CHANGES] += 1
+    return -1 - link
 
 
 @_kernel
@@ -283,7 +284,6 @@ class Scratch(NamedTuple):
     near_other: np.ndarray  # and near the stored one it competes with
     rank: np.ndarray
     ranked: np.ndarray
-    last_reach: np.ndarray  # (1,): see `_competing_novelties`
 
 
 def scratch(k):
@@ -298,7 +298,6 @@ def scratch(k):
         near_other=np.empty(near),
         rank=np.empty(near, np.int64),
         ranked=np.empty(near),
-        last_reach=np.zeros(1),
     )
 
 
@@ -422,25 +421,32 @@ def _near_both(tree, x, y, radius, reach, scratch):
 def _competing_novelties(tree, x, y, row, distance, size, reach, k, scratch):
     """Novelty of x and of the stored y at this row, `distance` away, both without y; and the reach of x.
 
-    `reach[row]` remembers how far the k nearest of y were last time (or the last reach at all, where y is new). If a ball a
-    little larger still holds k points, then the ball around x that encloses it holds the k nearest of x, and one walk
-    answers for both. It is a guess that costs only time when it fails. In more than three dimensions the enclosing ball is
-    too large for it to pay.
+    `reach[row]` remembers how far the k nearest of y were last time. If a ball a little larger still holds k points, then the
+    ball around x that encloses it holds the k nearest of x, and one walk answers for both. It is a guess that costs only
+    time when it fails. In more than three dimensions the enclosing ball is too large for it to pay.
     """
     wanted = min(k, size - 1)
-    guess = (reach[row] if reach[row] > 0 else scratch.last_reach[0]) * _SLACK
+    guess = reach[row] * _SLACK
     if guess > 0 and x.shape[0] <= 3:
         outer = (guess + distance) * (1 + 1e-9)
         n_x, n_y = _near_both(tree, x, y, outer * outer, guess * guess, scratch)
         if n_x > wanted and n_y > wanted:  # y is among both
             novelty, kth = _mean_without_smallest(scratch.near, n_x, wanted, scratch)
             stored_novelty, reach[row] = _mean_without_smallest(scratch.near_other, n_y, wanted, scratch)
-            scratch.last_reach[0] = reach[row]
             return novelty, kth, stored_novelty
     novelty, kth = _novelty(tree, x, k, scratch)
     stored_novelty, reach[row] = _novelty(tree, y, k, scratch)
-    scratch.last_reach[0] = reach[row]
     return novelty, kth, stored_novelty
+
+
+@_kernel
+def _reach_nearby(tree, bucket, reach):
+    """A first guess at the reach of a new point: that of another in its bucket, 0 if none is known."""
+    for slot in range(tree.filled[bucket]):
+        known = reach[tree.rows[bucket, slot]]
+        if 0 < known < np.inf:
+            return known
+    return 0.0
 
 
 class Rule(NamedTuple):
@@ -571,12 +577,14 @@ def _add(tree, start, batch, stored, size, rule, scratch):
         if batch.status[i] == 2:
             _remove(tree, row, stored.descriptor[row])
         else:
-            stored.reach[row] = 0.0
+            stored.reach[row] = 0.0  # not known yet
             size += 1
         for j in range(x.shape[0]):
             stored.descriptor[row, j] = x[j]
         stored.fitness[row] = batch.fitness[i]
-        _insert(tree, row, x)
+        bucket = _insert(tree, row, x)
+        if stored.reach[row] == 0:
+            stored.reach[row] = _reach_nearby(tree, bucket, stored.reach)
     return batch.descriptor.shape[0], size
 
 
