@@ -8,7 +8,7 @@ import naive
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from sklearn.decomposition import PCA
+from sklearn.decomposition import PCA, KernelPCA
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -198,6 +198,35 @@ def test_known_controllers_come_first(ballistic):
         aurora.run(ballistic, generations=1, initial=known[0])
 
 
+def test_an_inverse_transform_that_may_not_be_called():
+    """KernelPCA has the method whatever its settings."""
+    aurora = Aurora(2, KernelPCA(n_components=2, kernel="rbf"), seed=0, batch_size=30).run(circle, generations=3)
+    assert aurora.archive.reconstruction_error is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fit": lambda self, x: 1 / 0}, "Odd could not be fitted on observations of shape .200, 10.: division by zero"),
+        ({"transform": lambda self, x: 1 / 0}, "the transform of Odd raised ZeroDivisionError"),
+        ({"transform": lambda self, x: x[:, 0]}, r"the transform of Odd must return shape \(200, descriptor dimensions\)"),
+        ({"transform": lambda self, x: x[:5, :2]}, "must return shape"),
+        ({"transform": lambda self, x: x[:, :2] * np.inf}, "gave a NaN or an infinity"),
+    ],
+)
+def test_a_descriptor_that_misbehaves_is_named(change, message):
+    odd = type("Odd", (Summary,), change)()
+    aurora = Aurora(2, odd, seed=0)
+    with np.errstate(invalid="ignore"), pytest.raises(auroraqd.DescriptorError, match=message):
+        aurora.run(circle, generations=1)
+    assert len(aurora.archive) == 0
+
+
+def test_a_drawn_seed_is_remembered(ballistic):
+    drawn = Aurora(2, "genotype").run(ballistic, generations=2)
+    assert_same(drawn, Aurora(2, "genotype", seed=drawn.seed).run(ballistic, generations=2))
+
+
 @pytest.mark.parametrize("batch_size", [1, 2, 3])
 def test_small_batches_wait_for_the_first_fit(batch_size):
     """A robot that tries one controller at a time: PCA(2) needs three observations."""
@@ -345,7 +374,7 @@ def test_call_order_and_told_shapes(ballistic):
 
 
 def test_hand_coded_needs_a_ground_truth():
-    with pytest.raises(TaskError, match="the task gives none"):
+    with pytest.raises(auroraqd.DescriptorError, match="the task gives none"):
         Aurora(2, "hand-coded", seed=0).run(circle, generations=1)
 
 
@@ -358,7 +387,7 @@ def test_a_descriptor_that_fails_changes_nothing():
     aurora = Aurora(2, Failing(), seed=0, schedule=auroraqd.Every(3)).run(circle, generations=3)
     before, l = state(aurora), aurora.archive.l
     assert len(aurora.archive) > 300
-    with pytest.raises(TaskError, match="the transform of Failing gave a NaN"):
+    with pytest.raises(auroraqd.DescriptorError, match="the transform of Failing gave a NaN"):
         aurora.run(circle, generations=1)
     for name, values in before.items():
         assert_array_equal(values, getattr(aurora.archive, name))
@@ -408,7 +437,7 @@ def test_history_of_a_long_run_is_thinned():
 
     history = History(limit=100)
     for generation in range(1, 1001):
-        history.append(Record(generation, generation * 10, 1, 0.1, 0, 0, 0, 0, 0.0, 0.0))
+        history.append(Record(generation, generation * 10, 1, 0.1, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0))
     generations = history.column("generation")
     assert len(history) <= 101
     assert generations[-1] == 1000

@@ -152,7 +152,7 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
         (["run", "ballistic", "--generations", "many"], "integer"),
         (["run", "ballistic", "--epsilon", "2"], "epsilon must be at least 0 and below 1"),
         (["run", "ballistic", "--seed", "-1"], "seed must be 0 or more"),
-        (["run", "ballistic", "--components", "500"], "n_components"),
+        (["run", "ballistic", "--components", "500"], "PCA could not be fitted on observations of shape"),
         (["run", "ballistic", "--variation", "crossover"], "variation must be one of"),
         (["run", "ballistic", "--variation", "polynomial:rat=0.1"], "has no option 'rat'; its options are: rate, eta"),
         (["run", "ballistic", "--variation", "polynomial:rate=often"], "rate must be a number, got 'often'"),

@@ -36,8 +36,15 @@ def test_a_repertoire_comes_back(aurora, folder):
     assert "individuals" in repr(repertoire)
 
 
+def test_equal_runs_give_equal_files(aurora, folder, tmp_path):
+    again = auroraqd.Aurora(2, PCA(n_components=2), seed=0).run(auroraqd.tasks.Ballistic(), generations=10)
+    other = auroraqd.save(again, tmp_path / "again")
+    name = "repertoire.safetensors"
+    assert (other / name).read_bytes() == (folder / name).read_bytes()
+
+
 def test_history_comes_back(aurora, folder):
-    assert storage.load_history(folder) == aurora.history.records
+    assert repr(storage.load_history(folder)) == repr(aurora.history.records)
     assert len(storage.load_history(folder)) == 10
 
 
@@ -49,9 +56,13 @@ def test_config_says_what_was_run(folder):
 
 
 def test_writing_again_replaces_and_leaves_no_temporary_files(aurora, folder):
-    names = sorted(path.name for path in folder.iterdir())
+    (folder / "figures").mkdir()
+    (folder / "figures" / "history.png").write_bytes(b"of another run")
+    (folder / "figures" / "mine.png").write_bytes(b"of the user's")
     auroraqd.save(aurora, folder)
-    assert sorted(path.name for path in folder.iterdir()) == names == ["config.json", "history.csv", "repertoire.safetensors"]
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == ["config.json", "figures", "history.csv", "repertoire.safetensors"]
+    assert [path.name for path in (folder / "figures").iterdir()] == ["mine.png"]
 
 
 @pytest.mark.parametrize("descriptor", ["hand-coded", "genotype"])

@@ -15,6 +15,7 @@ _HOME = {
     "Archive": "archive",
     "Aurora": "aurora",
     "Curiosity": "selection",
+    "DescriptorError": "descriptor",
     "Doubling": "schedule",
     "Evaluation": "tasks",
     "Every": "schedule",
@@ -38,6 +39,7 @@ __all__ = [
     "Archive",
     "Aurora",
     "Curiosity",
+    "DescriptorError",
     "Doubling",
     "Evaluation",
     "Every",
@@ -60,6 +62,7 @@ if TYPE_CHECKING:
     from auroraqd import metrics, tasks
     from auroraqd.archive import Archive, UnstructuredArchive
     from auroraqd.aurora import Aurora
+    from auroraqd.descriptor import DescriptorError
     from auroraqd.repertoire import Repertoire
     from auroraqd.resolution import VAT, Fixed
     from auroraqd.schedule import Doubling, Every, Never
@@ -80,4 +83,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return [*__all__, "__version__"]

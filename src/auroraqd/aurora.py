@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, finite_rows
-from auroraqd.descriptor import Descriptor, Transformer
+from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.history import History, Record
 from auroraqd.resolution import VAT
 from auroraqd.schedule import Doubling
@@ -44,9 +44,9 @@ class Aurora:
         n_genes: parameters of a controller; genes are in [0, 1].
         descriptor: any object with scikit-learn's `fit` and `transform`, which is copied; or "hand-coded" (the task's ground
             truth), or "genotype". What it reads has each channel scaled to [-1, 1] and is flattened to (n, features).
-        seed: of all that is random. None: unpredictable.
+        seed: of all that is random. None: one that is drawn from the system, to be read from the attribute.
         batch_size: individuals a generation.
-        archive: empty, or filled by an earlier run. Default: `UnstructuredArchive()`.
+        archive: empty, or that of another run in this process. Default: `UnstructuredArchive()`.
         selection, variation: how parents are chosen and offspring made.
         resolution: gives l after each update of an unstructured archive; None leaves l alone.
         schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
@@ -95,8 +95,8 @@ class Aurora:
         self.history = History()
         if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
             raise ValueError(f"seed must be a whole number, 0 or more, or None, got {seed!r}")
-        self.seed = None if seed is None else int(seed)
-        self._rng = np.random.default_rng(seed)
+        self.seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else int(seed)
+        self._rng = np.random.default_rng(self.seed)
         self._descriptor = Descriptor.checked(descriptor, self._rng)
         self._refits = self._descriptor.learned and prior is None
         if prior is not None:
@@ -206,6 +206,7 @@ class Aurora:
 
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
+            DescriptorError: the descriptor could not be fitted or does not describe.
             ValueError: no budget, or a negative one.
         """
         budget = _Budget(self, generations, evaluations, seconds)
@@ -217,6 +218,8 @@ class Aurora:
             evaluation = evaluated(task, genotypes, self.generation)
             try:
                 self.tell(*evaluation)
+            except DescriptorError:
+                raise
             except ValueError as error:
                 raise TaskError(f"task {name_of(task)} at generation {self.generation}: {error}") from error
             self._check_progress(task)
@@ -264,7 +267,9 @@ class Aurora:
             batch = self._waiting.joined(batch)
         valid = batch.valid
         update = self._update_due or self.schedule(self.generation)
-        if self._descriptor.ready or np.count_nonzero(valid) + len(self.archive) >= self._descriptor.rows_to_fit:
+        if self._descriptor.ready or np.count_nonzero(valid) + len(self.archive) >= self._descriptor.rows_to_fit(
+            batch.observation[0].size
+        ):
             status = self._place(batch, valid, update)
             self._update_due = update and len(self.archive) == 0
             self._waiting = None
@@ -322,7 +327,7 @@ class Aurora:
             descriptor = descriptor.refitted(sources[1])
         values, error = descriptor.describe(*sources)
         if not np.isfinite(values).all():
-            raise ValueError(f"the descriptor must be finite for all that is stored: {descriptor} gave a NaN or an infinity")
+            raise DescriptorError(f"{descriptor} gave a NaN or an infinity for individuals that are stored")
         l = None if self.resolution is None else self.resolution(values)
         return _Renewal(descriptor, values if stored else values[:0], error if stored else None, l)
 
@@ -333,7 +338,7 @@ class Aurora:
         self._descriptor = renewal.descriptor
 
     def _record(self) -> None:
-        error = self.archive.reconstruction_error
+        error, fitness = self.archive.reconstruction_error, self.archive.fitness
         self.history.append(
             Record(
                 generation=self.generation,
@@ -341,6 +346,8 @@ class Aurora:
                 size=len(self.archive),
                 l=getattr(self.archive, "l", np.nan),
                 **self._counts,
+                mean_fitness=float(fitness.mean()) if len(fitness) else np.nan,
+                max_fitness=float(fitness.max()) if len(fitness) else np.nan,
                 rmse=float(error.mean()) if error is not None and len(error) else np.nan,
                 seconds=self._seconds,
             )

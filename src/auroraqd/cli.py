@@ -1,8 +1,9 @@
 """The command line. Heavy imports are inside the commands: `auroraqd --help` must answer at once."""
 
-import shutil
 import signal
 import sys
+from contextlib import nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,7 +39,9 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    _version: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show it.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
 ) -> None:
     pass
 
@@ -55,7 +58,7 @@ def run(
     components: Annotated[int, typer.Option(help="Dimensions of a learned descriptor.")] = 2,
     generations: Annotated[int, typer.Option("--generations", "-n", help="Batches to evaluate.")] = 5000,
     batch_size: Annotated[int, typer.Option(help="Evaluations a generation.")] = 200,
-    seed: Annotated[int, typer.Option(help="Of all that is random: the same seed gives the same run.")] = 0,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same run.")] = 0,
     out: OutOption = None,
     overwrite: OverwriteOption = False,
     selection: Annotated[str, typer.Option(help="How parents are chosen: curiosity or uniform.")] = "curiosity",
@@ -117,6 +120,8 @@ def repeat(
     from auroraqd.storage import load_config
 
     config = load_config(folder)
+    if "task" not in config:
+        raise UserError(f"{folder} was saved from Python: only what `auroraqd run` made can be run again")
     try:
         settings = Settings.from_json(config)
     except (ValueError, TypeError) as error:
@@ -137,27 +142,40 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
     _check_free(out, overwrite)
     task, aurora = settings.build()
     out.mkdir(parents=True, exist_ok=True)
+    from auroraqd.descriptor import DescriptorError
     from auroraqd.progress import RunProgress
-    from auroraqd.storage import FIGURES, save
+    from auroraqd.storage import save
     from auroraqd.tasks import TaskError
 
     failure: BaseException | None = None
     console.print(f"[bold]{settings.task}[/], descriptor [bold]{settings.descriptor}[/], seed {settings.seed}", highlight=False)
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # a cluster's polite end is like Ctrl-C
     try:
+        with console.status("compiling, which takes some 10 s the first time") if console.is_terminal else nullcontext():
+            _compile(settings)
         with RunProgress(console, settings.generations) as progress:
             aurora.run(task, generations=settings.generations, callback=progress)
-    except (KeyboardInterrupt, TaskError) as error:
+    except (KeyboardInterrupt, TaskError, DescriptorError) as error:
         failure = error
-    save(aurora, out, config=settings.as_json())
-    shutil.rmtree(out / FIGURES, ignore_errors=True)  # those of a run that was there before
-    if aurora.generation:
+    kept = "nothing had been found yet"
+    if len(aurora.archive) or failure is None:
+        save(aurora, out, config=settings.as_json())
         _report(out, figures)
+        kept = f"what was found is in {out}"
+    else:
+        with suppress(OSError):  # a folder that holds an earlier run stays
+            out.rmdir()
     if isinstance(failure, KeyboardInterrupt):
-        errors.print(f"Interrupted after {aurora.generation} generations; what was found is in {out}", highlight=False)
+        errors.print(f"Interrupted after {aurora.generation} generations; {kept}", highlight=False)
         raise typer.Exit(130)
     if failure is not None:
-        raise UserError(f"{failure}. What was found before is in {out}")
+        raise UserError(f"{failure}; {kept}")
+
+
+def _compile(settings: "Settings") -> None:
+    """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
+    task, aurora = replace(settings, batch_size=max(settings.batch_size, 20), capacity=None).build()
+    aurora.run(task, generations=3)
 
 
 def _check_free(out: Path, overwrite: bool) -> None:
@@ -181,7 +199,7 @@ def _report(folder: Path, figures: bool) -> None:
     if figures:
         from auroraqd.report import write_figures
 
-        files += [path for path in write_figures(folder) if path.suffix == ".png"]
+        files += write_figures(folder)
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
@@ -201,6 +219,8 @@ def _results(repertoire: Any, last: Any) -> list[tuple[str, str]]:
     rows += [("evaluations", f"{last.evaluations:,} in {last.generation:,} generations: {counts}")]
     rows += [("l", f"{last.l:.6g}")] if last.l == last.l else []
     rows += [("RMSE", f"{last.rmse:.4f} (reconstruction, observations scaled to [-1, 1])")] if last.rmse == last.rmse else []
+    if last.max_fitness > last.mean_fitness:
+        rows += [("fitness", f"mean {last.mean_fitness:.6g}, highest {last.max_fitness:.6g}")]
     return [*rows, ("time", f"{last.seconds:.1f} s, {1e6 * last.seconds / max(last.evaluations, 1):.2f} us an evaluation")]
 
 

@@ -16,6 +16,10 @@ HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"
 
 
+class DescriptorError(ValueError):
+    """A descriptor cannot be fitted, or describes in a way that it must not. What was found before stays."""
+
+
 @runtime_checkable
 class Transformer(Protocol):
     """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions."""
@@ -124,23 +128,31 @@ class Descriptor:
         """Whether it can describe."""
         return not self.learned or self.encode is not None
 
-    @property
-    def rows_to_fit(self) -> int:
+    def rows_to_fit(self, features: int) -> int:
         """The fewest observations that can be fitted: one more than the components, where the transformer has a number."""
         components = getattr(self.source, "n_components", 1)
-        return 1 + components if isinstance(components, int) else 2
+        return 1 + min(components, features) if isinstance(components, int) else 2
 
     def refitted(self, observation: np.ndarray) -> "Descriptor":
-        """A new descriptor, learned from observations, (n, ...). The old one stays as it was, whatever happens."""
+        """A new descriptor, learned from observations, (n, ...). The old one stays as it was, whatever happens.
+
+        Raises:
+            DescriptorError: the transformer cannot be fitted.
+        """
         transformer: Any = copy.deepcopy(self.source)
         scaling = Scaling.of(observation)
-        transformer.fit(scaling.scaler(observation[0].size)(observation))
+        x = scaling.scaler(observation[0].size)(observation)
+        try:
+            transformer.fit(x)
+        except Exception as error:
+            name = type(transformer).__name__
+            raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
         return Descriptor(transformer).restored(scaling, observation[0].size)
 
     def restored(self, scaling: Scaling, features: int) -> "Descriptor":
         """The descriptor of a transformer that has been fitted on observations scaled like this."""
         transformer: Any = self.source
-        encode, decode = transformer.transform, getattr(transformer, "inverse_transform", None)
+        encode, decode = transformer.transform, _inverse(transformer, features)
         if _is_affine(transformer):
             # A call of a scikit-learn pipeline costs as much as everything else in a generation; a product, 1% of that.
             encode = _affine(encode, features)
@@ -168,7 +180,7 @@ class Descriptor:
         The error is over the entries of an observation, on the [-1, 1] scale of the descriptor's input.
 
         Raises:
-            ValueError: there is no ground truth to read, or the transformer returns something else than (n, d).
+            DescriptorError: there is no ground truth to read, or the transformer raises or returns something else than (n, d).
         """
         if not self.learned:
             return self._read(genotype, ground_truth), None
@@ -182,23 +194,26 @@ class Descriptor:
     def _flat(self, observation: np.ndarray) -> np.ndarray:
         features = len(self.flatten.center)
         if observation.ndim == 0 or math.prod(observation.shape[1:]) != features:
-            raise ValueError(
+            raise DescriptorError(
                 f"observation must have shape (n, ...) with {features} entries a row, as the descriptor was fitted on, "
                 f"got {observation.shape}"
             )
         return self.flatten(observation)
 
     def _encoded(self, x: np.ndarray) -> np.ndarray:
-        z = np.asarray(self.encode(x), np.float64)
+        try:
+            z = np.asarray(self.encode(x), np.float64)
+        except Exception as error:
+            raise DescriptorError(f"{self} raised {type(error).__name__}: {error}") from error
         if z.ndim != 2 or len(z) != len(x) or z.shape[1] == 0:
-            raise ValueError(f"{self} must return shape ({len(x)}, descriptor dimensions), got {z.shape}")
+            raise DescriptorError(f"{self} must return shape ({len(x)}, descriptor dimensions), got {z.shape}")
         return z
 
     def _read(self, genotype: np.ndarray, ground_truth: np.ndarray | None) -> np.ndarray:
         if self.source == GENOTYPE:
             return genotype
         if ground_truth is None:
-            raise ValueError("a hand-coded descriptor reads the ground truth, but the task gives none")
+            raise DescriptorError("a hand-coded descriptor reads the ground truth, but the task gives none")
         return np.asarray(ground_truth, np.float64).reshape(len(ground_truth), -1)
 
 
@@ -209,6 +224,15 @@ def _seeded(transformer: Any, rng: np.random.Generator) -> Any:
         unseeded = sorted(name for name, value in parameters if name.split("__")[-1] == "random_state" and value is None)
         transformer.set_params(**{name: int(rng.integers(2**31)) for name in unseeded})
     return transformer
+
+
+def _inverse(transformer: Any, features: int) -> Any:
+    """The transformer's `inverse_transform` where it has one that works: some have it for some settings only."""
+    inverse = getattr(transformer, "inverse_transform", None)
+    try:
+        return inverse if inverse is None or inverse(transformer.transform(np.zeros((1, features)))).shape[1] else None
+    except Exception:
+        return None
 
 
 def _affine(function: Any, features: int) -> _Affine:

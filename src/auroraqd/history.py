@@ -14,6 +14,7 @@ class Record(NamedTuple):
         size: individuals stored.
         l: distance threshold; NaN for an archive that has none.
         rejected, new, replaced, invalid: individuals that were given this status.
+        mean_fitness, max_fitness: of the stored; NaN while there are none.
         rmse: mean over the stored of the root mean square error of their reconstruction, on the [-1, 1] scale; NaN when the
             descriptor cannot reconstruct.
         seconds: time from each `ask` to the end of its `tell`.
@@ -27,6 +28,8 @@ class Record(NamedTuple):
     new: int
     replaced: int
     invalid: int
+    mean_fitness: float
+    max_fitness: float
     rmse: float
     seconds: float
 

@@ -3,7 +3,8 @@
 import time
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Column
 
 from auroraqd.aurora import Aurora
 
@@ -28,14 +29,12 @@ class RunProgress:
 
     def __enter__(self) -> "RunProgress":
         if self._console.is_terminal:
-            self._bar = bar = Progress(
-                TextColumn("generation"),
-                MofNCompleteColumn(),
-                BarColumn(),
-                TextColumn("{task.fields[state]}"),
-                TimeElapsedColumn(),
+            self._bar = bar = Progress(  # fits into 80 columns
+                MofNCompleteColumn(table_column=Column(no_wrap=True)),
+                BarColumn(bar_width=8),
+                TextColumn("{task.fields[state]}", table_column=Column(no_wrap=True)),
+                TimeRemainingColumn(compact=True, table_column=Column(no_wrap=True)),
                 TextColumn("left"),
-                TimeRemainingColumn(),
                 console=self._console,
             )
             bar.start()
@@ -57,7 +56,7 @@ class RunProgress:
         self._next, self._since, self._evaluations = now + self._gap, now, aurora.evaluations
         record = aurora.history.last
         assert record is not None  # a generation has just been recorded
-        state = f"{record.size:,} stored  l {record.l:.4g}  {record.new + record.replaced:,} additions  {speed:,.0f} eval/s"
+        state = f"{record.size:,} stored, l {record.l:.3g}, {record.new + record.replaced:,} added, {speed:,.0f}/s"
         if self._bar is not None:
             self._bar.update(self._task, completed=aurora.generation, state=state)
         else:

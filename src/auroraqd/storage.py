@@ -12,11 +12,13 @@ unpickled.
 
 import contextlib
 import csv
+import io
 import json
 import math
 import os
 import platform
 import warnings
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from importlib.metadata import version
@@ -33,6 +35,7 @@ from auroraqd.history import Record
 from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
+FIGURE_FILES = tuple(f"{name}.{suffix}" for name in ("repertoire", "history") for suffix in ("png", "svg"))
 _FORMAT = "auroraqd repertoire 1"  # the one metadata key: with several, safetensors writes them in any order
 _LEARNED = "learned"
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba")
@@ -58,6 +61,8 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     _write(folder / CONFIG, (json.dumps(config, indent=2) + "\n").encode())
     _write(folder / HISTORY, _history_csv(aurora.history.records).encode())
     _write(folder / REPERTOIRE, _repertoire_bytes(aurora))
+    for name in FIGURE_FILES:  # they show what was there before
+        (folder / FIGURES / name).unlink(missing_ok=True)
     return folder
 
 
@@ -176,7 +181,7 @@ def _transformer_bytes(transformer: Any) -> bytes | None:
     import skops.io
 
     try:
-        return skops.io.dumps(transformer)
+        return _canonical(skops.io.dumps(transformer))
     except Exception as error:  # whatever a foreign object raises, the repertoire itself must not be lost
         warnings.warn(
             f"{type(transformer).__name__} cannot be saved with the repertoire, which will not be able to describe new "
@@ -184,6 +189,33 @@ def _transformer_bytes(transformer: Any) -> bytes | None:
             stacklevel=2,
         )
         return None
+
+
+def _canonical(content: bytes) -> bytes:
+    """The same skops file, without the memory addresses and times in it: equal objects give equal bytes."""
+    numbers: dict[str, str] = {}
+
+    def renumbered(value: Any, key: str = "") -> Any:
+        if isinstance(value, dict):
+            return {name: renumbered(entry, name) for name, entry in value.items()}
+        if isinstance(value, list):
+            return [renumbered(entry) for entry in value]
+        if key == "__id__":
+            return int(numbers.setdefault(str(value), str(len(numbers))))
+        if key == "file":
+            stem, dot, suffix = value.partition(".")
+            return numbers.setdefault(stem, str(len(numbers))) + dot + suffix
+        return value
+
+    with zipfile.ZipFile(io.BytesIO(content)) as source:
+        members = {name: source.read(name) for name in source.namelist()}
+    schema = json.dumps(renumbered(json.loads(members.pop("schema.json")))).encode()
+    renamed = {renumbered(name, "file"): members[name] for name in members}
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as target:
+        for name, member in sorted({**renamed, "schema.json": schema}.items()):
+            target.writestr(zipfile.ZipInfo(name), member)
+    return out.getvalue()
 
 
 def _load_descriptor(
@@ -199,7 +231,11 @@ def _load_descriptor(
     try:
         transformer = skops.io.loads(arrays["transformer.skops"].tobytes(), trusted=list(trusted))
     except UntrustedTypesFoundException as error:
-        raise ValueError(f"the descriptor needs types that are not trusted: {error}") from None
+        raise ValueError(
+            f"the descriptor needs types that are not trusted. {error}. If you trust them: load(folder, trusted=[...])"
+        ) from None
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"the descriptor needs a type that cannot be imported here: {error}") from None
     scaling = Scaling(arrays["scaling.low"], arrays["scaling.high"])
     return Descriptor(transformer).restored(scaling, math.prod(columns["observation"].shape[1:]))
 

@@ -17,7 +17,6 @@ from auroraqd import storage
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
 
-FORMATS = ("png", "svg")
 _CORNERS = np.array([[[38, 70, 160], [0, 160, 135]], [[200, 40, 120], [245, 180, 30]]]) / 255  # [x, y] of the unit square
 _MOST_TRAJECTORIES = 600
 _STYLE: Any = {
@@ -44,8 +43,8 @@ def write_figures(folder: str | Path) -> list[Path]:
         figures = {"repertoire": repertoire_figure(repertoire), **figures}
     written = []
     for name, figure in figures.items():
-        for suffix in FORMATS:
-            path = target / f"{name}.{suffix}"
+        for path in (target / file for file in storage.FIGURE_FILES if file.startswith(name)):
+            suffix = path.suffix[1:]
             with storage.replacing(path) as file, mpl.rc_context(_STYLE):
                 figure.savefig(file, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
             written.append(path)
@@ -58,14 +57,14 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
     panels = [("Descriptor space", _draw_descriptors)]
     if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
         panels.append(("Ground truth", _draw_truth))
-        colors = two_dimensional_colors(truth[:, :2])
+        colors, key = two_dimensional_colors(truth[:, :2]), "ground truth"
     else:
-        colors = two_dimensional_colors(_plane(repertoire))
+        colors, key = two_dimensional_colors(_plane(repertoire)), "descriptor space"
     if repertoire.observation.ndim == 3 and repertoire.observation.shape[2] == 2:
         panels.append(("Trajectories", _draw_trajectories))
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(4.4 * len(panels), 4.4), layout="constrained")
-        figure.suptitle(f"{len(repertoire):,} individuals", fontsize=11)
+        figure.suptitle(f"{len(repertoire):,} individuals; an individual has the colour of its place in {key}", fontsize=11)
         for axes, (title, draw) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             axes.set_title(title)
             draw(axes, repertoire, colors)
@@ -74,10 +73,17 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
 
 def history_figure(records: Sequence[Record]) -> Figure:
     """Repertoire size, l and reconstruction error over generations; what a run does not have is left out."""
-    labels = {"size": "individuals stored", "l": "distance threshold l", "rmse": "reconstruction RMSE, [-1, 1] scale"}
+    labels = {
+        "size": "individuals stored (fewer after an update)",
+        "l": "distance threshold l",
+        "rmse": "reconstruction RMSE, [-1, 1] scale",
+        "mean_fitness": "mean fitness",
+    }
     generation = np.array([record.generation for record in records])
     columns = {name: np.array([getattr(record, name) for record in records], float) for name in labels}
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
+    if not np.ptp(columns.get("mean_fitness", np.zeros(1))):  # a constant fitness, for pure exploration
+        columns.pop("mean_fitness", None)
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(4.4 * max(len(columns), 1), 3.2), layout="constrained")
         panels = figure.subplots(1, max(len(columns), 1), squeeze=False)[0]
@@ -85,7 +91,8 @@ def history_figure(records: Sequence[Record]) -> Figure:
             axes.plot(generation, values, color="#2646a0", linewidth=1.3)
             axes.set(xlabel="generation", title=labels[name])
             axes.set_xlim(left=0)
-            axes.set_ylim(0, 1.05 * max(np.nanmax(values), 1e-12))
+            if name != "mean_fitness":
+                axes.set_ylim(0, 1.05 * max(np.nanmax(values), 1e-12))
     return figure
 
 
@@ -130,6 +137,9 @@ def _draw_trajectories(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -
         LineCollection(list(repertoire.observation[shown]), colors=colors[shown], linewidths=0.5, alpha=0.6, rasterized=True)
     )
     axes.autoscale()
+    width, height = np.ptp(repertoire.observation[shown].reshape(-1, 2), axis=0)
+    if 1 / 3 < width / max(height, 1e-300) < 3:  # a wide or a tall picture would be unreadable
+        axes.set_aspect("equal")
     axes.set(xlabel="x", ylabel="y")
     if len(shown) < n:
         axes.set_title(f"Trajectories, {len(shown)} of {n:,}")

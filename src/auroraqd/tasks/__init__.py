@@ -44,7 +44,9 @@ def evaluated(task: Callable[[np.ndarray], Any], genotypes: np.ndarray, generati
     try:
         result = task(genotypes)
     except Exception as error:
-        raise TaskError(f"{where} raised {type(error).__name__}: {error}") from error
+        raise TaskError(
+            f"{where} raised {type(error).__name__}: {error} (it was called with genotypes of shape {genotypes.shape})"
+        ) from error
     if not isinstance(result, tuple) or len(result) not in (2, 3):
         raise TaskError(
             f"{where} must return a tuple of fitness, observation and optionally ground truth, got {type(result).__name__}"
