@@ -3,12 +3,16 @@
 import math
 
 
-def distance(a, b):
+def squared_distance(a, b):
     """Euclidean, summed in the order of the dimensions."""
     total = 0.0
     for x, y in zip(a, b, strict=True):
         total += (float(y) - float(x)) * (float(y) - float(x))
-    return math.sqrt(total)
+    return total
+
+
+def distance(a, b):
+    return math.sqrt(squared_distance(a, b))
 
 
 def novelty(points, x, excluded, k):
@@ -50,8 +54,8 @@ class UnstructuredArchive:
     def add_one(self, descriptor, fitness):
         if not all(map(math.isfinite, [*descriptor, fitness])):
             return -1
-        order = sorted((distance(p, descriptor), i) for i, p in enumerate(self.descriptor))
-        if not order or order[0][0] > self.l:
+        order = sorted((squared_distance(p, descriptor), i) for i, p in enumerate(self.descriptor))
+        if not order or math.sqrt(order[0][0]) > self.l:
             if self.capacity is not None and len(order) >= self.capacity:
                 return 0
             self.descriptor.append(list(descriptor))
@@ -62,7 +66,7 @@ class UnstructuredArchive:
         nearest = order[0][1]
         if len(order) == 1:
             better = self.elitist and fitness > self.fitness[nearest]
-        elif order[1][0] == 0 or order[1][0] < (1 - self.epsilon) * self.l:
+        elif order[1][0] == 0 or math.sqrt(order[1][0]) < (1 - self.epsilon) * self.l:
             better = False
         else:
             better = replaces(

@@ -1,5 +1,6 @@
 """The loop: ask, tell, run."""
 
+import copy
 import signal
 import threading
 import time
@@ -178,8 +179,12 @@ def test_budgets(ballistic):
     assert aurora.generation == done + 4
     with pytest.raises(ValueError, match="budget"):
         aurora.run(ballistic)
-    with pytest.raises(ValueError, match="generations must be 0 or more"):
+    with pytest.raises(ValueError, match="generations must be a whole number, 0 or more"):
         aurora.run(ballistic, generations=-1)
+    with pytest.raises(ValueError, match="generations must be a whole number"):
+        aurora.run(ballistic, generations=2.5)
+    with pytest.raises(TypeError, match="callback must be"):
+        aurora.run(ballistic, generations=1, callback=3)
 
 
 def test_known_controllers_come_first(ballistic):
@@ -430,6 +435,102 @@ def test_ctrl_c_loses_nothing(ballistic):
             interrupted += 1
     assert interrupted > 3
     assert_same(aurora, undisturbed)
+
+
+def test_a_full_archive_is_told_once(ballistic):
+    aurora = Aurora(2, "genotype", seed=0, archive=auroraqd.UnstructuredArchive(capacity=300))
+    with pytest.warns(UserWarning, match="the archive is full") as warned:
+        aurora.run(ballistic, generations=10)
+    assert len(warned) == 1
+    assert len(aurora.archive) == 300
+    assert aurora.generation == 10
+
+
+def test_l_may_change_between_ask_and_tell(ballistic):
+    aurora = Aurora(2, "genotype", seed=0).run(ballistic, generations=30)
+    genotypes = aurora.ask()
+    aurora.archive.l *= 5
+    aurora.tell(*ballistic(genotypes))
+    assert aurora.generation == 31
+    assert np.count_nonzero(aurora.archive.curiosity) > 0
+
+
+def test_a_repertoire_that_shrinks_below_what_a_fit_needs():
+    def still(genotypes):
+        return np.zeros(len(genotypes)), np.ones((len(genotypes), 3))
+
+    with pytest.warns(RuntimeWarning, match="invalid value"):
+        aurora = Aurora(2, PCA(n_components=2), seed=0).run(still, generations=60)
+    assert len(aurora.archive) == 1
+
+
+@pytest.mark.parametrize("transformer", [PCA(n_components=np.int64(3)), make_pipeline(StandardScaler(), PCA(n_components=3))])
+def test_components_are_found_where_they_are(transformer):
+    aurora = Aurora(2, transformer, seed=0, batch_size=2).run(circle, generations=5)
+    assert aurora.archive.descriptor.shape[1] == 3
+
+
+def test_waiting_individuals_are_kept_apart_from_the_users_arrays():
+    buffer = np.empty((1, 4))
+    aurora = Aurora(2, PCA(n_components=2), seed=0, batch_size=1)
+    for _ in range(5):
+        genotypes = aurora.ask()
+        buffer[:] = [*genotypes[0], *genotypes[0] ** 2]
+        aurora.tell(np.zeros(1), buffer)
+    assert_array_equal(aurora.archive.observation[:, :2], aurora.archive.genotype)
+
+
+def test_a_nan_in_the_ground_truth_is_one_invalid_individual(ballistic):
+    def lost(genotypes):
+        fitness, observation, truth = ballistic(genotypes)
+        truth[3] = np.nan
+        return fitness, observation, truth
+
+    aurora = Aurora(2, "hand-coded", seed=0).run(lost, generations=3)
+    assert np.isfinite(aurora.archive.ground_truth).all()
+    assert len(aurora.archive) > 100
+
+
+def test_what_was_asked_can_be_asked_for_again(ballistic):
+    aurora = Aurora(2, "genotype", seed=0)
+    assert aurora.pending is None
+    assert_array_equal(aurora.ask(), aurora.pending)
+
+
+def test_known_controllers_wait_for_a_pending_batch(ballistic):
+    seen = []
+    aurora = Aurora(2, "genotype", seed=0)
+    aurora.ask()
+    aurora.run(lambda g: seen.append(g) or ballistic(g), generations=2, initial=[[0.25, 0.5]])
+    assert [len(batch) for batch in seen] == [200, 1]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"variation": lambda parents, rng: parents[:5]}, r"variation must return genotypes of shape \(200, 2\)"),
+        ({"variation": lambda parents, rng: parents + 2}, "variation must return"),
+        ({"selection": lambda archive, n, rng: np.zeros(3, int)}, r"selection must return \(200,\) rows"),
+        ({"selection": lambda archive, n, rng: np.full(n, len(archive))}, "selection must return"),
+        ({"selection": lambda archive, n, rng: np.zeros(n)}, "selection must return"),
+        ({"resolution": lambda values: np.nan}, "for l must be a finite number"),
+    ],
+)
+def test_strategies_that_misbehave_are_named(ballistic, options, message):
+    with pytest.raises(ValueError, match=message):
+        Aurora(2, "genotype", seed=0, **options).run(ballistic, generations=2)
+
+
+def test_many_genes(ballistic):
+    """The volume of a ball in 500 dimensions is no double."""
+    aurora = Aurora(500, "genotype", seed=0, batch_size=20).run(lambda g: (np.zeros(len(g)), g), generations=2)
+    assert aurora.archive.l > 0
+
+
+def test_a_copy_of_a_run_is_the_same_run(ballistic):
+    aurora = Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=10)
+    other = copy.deepcopy(aurora)
+    assert_same(aurora.run(ballistic, generations=50), other.run(ballistic, generations=50))
 
 
 def test_history_of_a_long_run_is_thinned():

@@ -205,8 +205,9 @@ def test_setting_l_adds_all_again():
 
 def test_capacity_refuses_politely():
     archive = UnstructuredArchive(l=0.5, capacity=3)
-    with pytest.warns(UserWarning, match="full"):
-        status = fill(archive, np.arange(6.0)[:, None])
+    assert not archive.full
+    status = fill(archive, np.arange(6.0)[:, None])
+    assert archive.full
     assert_array_equal(status, [1, 1, 1, 0, 0, 0])
     assert_array_equal(fill(archive, np.array([[-0.4]])), [2])  # replacement goes on
     assert len(archive) == 3
@@ -217,6 +218,11 @@ def test_capacity_refuses_politely():
     [
         ({"l": -1}, "l must be"),
         ({"l": np.nan}, "l must be"),
+        ({"l": True}, "l must be"),
+        ({"k": None}, "k must be"),
+        ({"k": 10**12}, "k must be"),
+        ({"epsilon": "a"}, "epsilon must be"),
+        ({"capacity": 2**70}, "capacity must be"),
         ({"k": 0}, "k must be"),
         ({"k": 1.5}, "k must be"),
         ({"epsilon": 1.0}, "epsilon must be"),

@@ -517,6 +517,13 @@ def room(d, rows):
     return Stored(np.empty((rows, d)), np.empty(rows), np.empty(rows))
 
 
+def indexed(descriptor, fitness):
+    """Tree and columns of individuals that are stored already: (n, d) and (n,)."""
+    stored = room(descriptor.shape[1], len(fitness))
+    stored.descriptor[:], stored.fitness[:], stored.reach[:] = descriptor, fitness, 0.0
+    return build(stored.descriptor), stored
+
+
 def more_room(stored, size, rows):
     """The same first `size` individuals, with room for `rows` more and for growth by half."""
     grown = room(stored.descriptor.shape[1], max(size + rows, size + size // 2))

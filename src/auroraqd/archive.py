@@ -6,19 +6,22 @@ promises; `UnstructuredArchive` is the container of Novelty Search with Local Co
 Fitness is maximised. Columns share their rows: row i of `genotype`, `fitness`, ... is one individual.
 """
 
-import warnings
+import threading
 from abc import ABC, abstractmethod
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd import _neighbours
+from auroraqd._checks import finite_rows, number, whole
+from auroraqd._interrupts import uninterrupted
 from auroraqd.population import Population
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""
 
+_MOST_ROWS = int(np.iinfo(np.int32).max)
 _STORED_CREDIT, _UNSTORED_CREDIT = 1.0, -0.5  # curiosity score [Cully & Demiris, IEEE TEVC 2018]
 
 
@@ -35,6 +38,15 @@ class Archive(ABC):
     def __init__(self) -> None:
         self._population = Population()
         self._next_id = 0
+        self._rearranged = 0
+        self._lock = threading.RLock()  # kernels run without the interpreter's
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_lock"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._lock = threading.RLock()
 
     @abstractmethod
     def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
@@ -55,6 +67,11 @@ class Archive(ABC):
 
     def __len__(self) -> int:
         return len(self._population)
+
+    @property
+    @abstractmethod
+    def full(self) -> bool:
+        """Whether new individuals are rejected for lack of room."""
 
     def _column(self, name: str, row_shape: tuple[int, ...] = ()) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty((0, *row_shape))
@@ -140,7 +157,11 @@ class Archive(ABC):
         if reconstruction_error is not None:
             batch["reconstruction_error"] = _numbers("reconstruction_error", reconstruction_error, 1, np.float64)
         del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error
-        self._check(batch)
+        with self._lock, uninterrupted():
+            self._check(batch)
+            return self._add(batch)
+
+    def _add(self, batch: dict[str, np.ndarray]) -> np.ndarray:
         n = len(batch["genotype"])
         status = np.full(n, REJECTED, np.int8)
         for name in ("fitness", "observation", "descriptor"):
@@ -178,11 +199,7 @@ class Archive(ABC):
                 wanted = "be given, as for" if name in self._population else "not be given, as it was not for"
                 raise ValueError(f"{name} must {wanted} the individuals added before")
         for name, rows in batch.items():
-            known = self._population.raw(name)
-            if rows.shape[1:] != known.shape[1:]:
-                raise ValueError(f"{name} must have shape {('n', *known.shape[1:])}, as before, got {rows.shape}")
-            if not np.can_cast(rows.dtype, known.dtype, "same_kind"):
-                raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
+            check_like(name, rows, self._population.raw(name))
 
     def redescribe(self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None) -> None:
         """Give every individual a new descriptor and add all again, oldest first (paper, Sec. "AURORA").
@@ -205,7 +222,14 @@ class Archive(ABC):
                 raise ValueError(f"{name} must have {size} rows, one for each individual stored, got shape {rows.shape}")
         if not np.isfinite(new["descriptor"]).all():
             raise ValueError("descriptor must be finite, got a NaN or an infinity")
+        with self._lock, uninterrupted():
+            self._add_again(new)
+
+    def _add_again(self, new: dict[str, np.ndarray]) -> None:
+        """Add all, oldest first, with new descriptors."""
+        size = len(self)
         self._clear()
+        self._rearranged += 1
         if size == 0:
             return
         order = np.argsort(self.id)
@@ -218,6 +242,11 @@ class Archive(ABC):
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
             self._population.set(name, rows[source])
+
+    @property
+    def rearranged(self) -> int:
+        """How often all have been added again: rows found before the last time are out of date."""
+        return self._rearranged
 
     def rows_of(self, ids: ArrayLike) -> np.ndarray:
         """The rows of individuals, (n,) int64; -1 for an id that is not stored."""
@@ -237,11 +266,16 @@ class Archive(ABC):
             status: (n,) what `add` returned for the children.
             rows: (n,) where the parents were before `add`, if known: saves the search for them.
         """
-        ids = np.asarray(parent_ids, np.int64)
-        rows = self.rows_of(ids) if rows is None else rows
-        if len(self):
-            alive = (rows >= 0) & (self.id[rows] == ids)
-            score = np.where(np.asarray(status) > REJECTED, _STORED_CREDIT, _UNSTORED_CREDIT)
+        ids, status = np.asarray(parent_ids, np.int64), np.asarray(status)
+        if ids.shape != status.shape or ids.ndim != 1:
+            raise ValueError(f"parent_ids and status must have one shape (n,), got {ids.shape} and {status.shape}")
+        if len(self) == 0:
+            return
+        with self._lock, uninterrupted():
+            rows = self.rows_of(ids) if rows is None else rows
+            alive = (rows >= 0) & (rows < len(self))
+            alive[alive] = self.id[rows[alive]] == ids[alive]
+            score = np.where(status > REJECTED, _STORED_CREDIT, _UNSTORED_CREDIT)
             np.add.at(self._population.raw("curiosity"), rows[alive], score[alive])
 
 
@@ -278,21 +312,27 @@ class UnstructuredArchive(Archive):
         capacity: int | None = None,
     ) -> None:
         super().__init__()
-        if int(k) != k or k < 1:
-            raise ValueError(f"k must be a whole number, 1 or more, got {k}")
-        if not 0 <= epsilon < 1:
-            raise ValueError(f"epsilon must be at least 0 and below 1, got {epsilon}")
         if competition not in ("dominance", "elitist"):
             raise ValueError(f"competition must be 'dominance' or 'elitist', got {competition!r}")
-        if capacity is not None and (int(capacity) != capacity or capacity < 1):
-            raise ValueError(f"capacity must be a whole number, 1 or more, or None, got {capacity}")
-        self.k = int(k)
-        self.epsilon = float(epsilon)
-        self.competition = competition
-        self.capacity = None if capacity is None else int(capacity)
-        self._l = _threshold(l)
-        self._scratch = _neighbours.scratch(self.k)
+        self._k = whole("k", k, most=10**6)
+        self._epsilon = number("epsilon", epsilon, most=np.nextafter(1, 0), wanted="0 or more and below 1")
+        self._competition = competition
+        self._capacity = None if capacity is None else whole("capacity", capacity, most=_MOST_ROWS)
+        self._l = number("l", l)
+        self._scratch = _neighbours.scratch(self._k)
         self._clear()
+
+    def __getstate__(self) -> dict[str, Any]:
+        derived = ("_tree", "_stored", "_scratch")  # arrays of which some share memory, which a copy would undo
+        return {name: value for name, value in super().__getstate__().items() if name not in derived}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self._scratch = _neighbours.scratch(self._k)
+        self._clear()
+        if len(self):
+            self._tree, self._stored = _neighbours.indexed(self.descriptor, self.fitness)
+            self._placed = len(self)
 
     def __repr__(self) -> str:
         return (
@@ -301,28 +341,51 @@ class UnstructuredArchive(Archive):
         )
 
     @property
+    def k(self) -> int:
+        """Neighbours that make up the novelty."""
+        return self._k
+
+    @property
+    def epsilon(self) -> float:
+        """Tolerance of the addition rule."""
+        return self._epsilon
+
+    @property
+    def competition(self) -> str:
+        """Who stays of two alike: "dominance" or "elitist"."""
+        return self._competition
+
+    @property
+    def capacity(self) -> int | None:
+        """The most individuals to store, or None."""
+        return self._capacity
+
+    @property
+    def full(self) -> bool:
+        """Whether the capacity is reached: new ones are rejected, replacement goes on."""
+        return self._capacity is not None and len(self) >= self._capacity
+
+    @property
     def l(self) -> float:
         """Distance threshold. Setting it on a filled archive adds all again, oldest first."""
         return self._l
 
     @l.setter
     def l(self, value: float) -> None:
-        self._l = _threshold(value)
-        if len(self):
-            self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error)
+        self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=value)
 
     def redescribe(
         self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, l: float | None = None
     ) -> None:
         """As `Archive.redescribe`, with a new l if one is given."""
-        previous = self._l
-        if l is not None:
-            self._l = _threshold(l)
-        try:
-            super().redescribe(descriptor, reconstruction_error=reconstruction_error)
-        except ValueError:
-            self._l = previous
-            raise
+        with self._lock, uninterrupted():
+            previous = self._l
+            self._l = previous if l is None else number("l", l)
+            try:
+                super().redescribe(descriptor, reconstruction_error=reconstruction_error)
+            except ValueError:
+                self._l = previous
+                raise
 
     def novelty(self) -> np.ndarray:
         """(n,) float64: mean distance of each individual to its k nearest, itself left out."""
@@ -345,20 +408,19 @@ class UnstructuredArchive(Archive):
         batch = _neighbours.Batch(
             np.ascontiguousarray(descriptor), np.ascontiguousarray(fitness), status, np.empty(n, np.int64)
         )
-        capacity = np.iinfo(np.int32).max if self.capacity is None else self.capacity
-        rule = _neighbours.Rule(self._l, self.k, self.epsilon, self.competition == "elitist", capacity)
-        was_full = self._placed >= capacity
+        capacity = _MOST_ROWS if self._capacity is None else self._capacity
+        rule = _neighbours.Rule(self._l, self._k, self._epsilon, self._competition == "elitist", capacity)
         self._tree, self._placed = _neighbours.add(tree, batch, stored, self._placed, rule, self._scratch)
         self._stored = stored
-        if self._placed >= capacity and not was_full:
-            warnings.warn(f"the archive is full ({capacity} individuals): new ones are rejected", stacklevel=3)
         return batch.target
 
 
-def _threshold(l: float) -> float:
-    if not (isinstance(l, int | float | np.integer | np.floating) and 0 <= l < np.inf):
-        raise ValueError(f"l must be a finite number, 0 or more, got {l!r}")
-    return float(l)
+def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
+    """Raise ValueError unless rows fit into a column that is there, in shape and without loss in dtype."""
+    if rows.shape[1:] != known.shape[1:]:
+        raise ValueError(f"{name} must have shape {('n', *known.shape[1:])}, as before, got {rows.shape}")
+    if not np.can_cast(rows.dtype, known.dtype, "safe"):
+        raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
 
 
 def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type | None = None) -> np.ndarray:
@@ -367,18 +429,9 @@ def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type 
         array = np.asarray(values, dtype)
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be an array of numbers with rows of one shape") from None
-    if array.dtype.kind not in "biuf":
-        raise ValueError(f"{name} must be an array of numbers, got dtype {array.dtype}")
+    if array.dtype.kind not in "biuf" or array.dtype.itemsize > 8:
+        raise ValueError(f"{name} must be an array of numbers of at most 64 bits, got dtype {array.dtype}")
     if array.ndim == 0 or ndim not in (None, array.ndim):
         wanted = {None: "(n, ...)", 1: "(n,)", 2: "(n, columns)"}[ndim]
         raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
     return array
-
-
-def finite_rows(rows: np.ndarray) -> np.ndarray:
-    """(n,) bool: which rows of (n, ...) hold neither a NaN nor an infinity."""
-    if rows.dtype.kind != "f":
-        return np.ones(len(rows), bool)
-    if np.isfinite(rows.sum()):  # the common case, in one pass: no sum of finite numbers comes from a NaN or an infinity
-        return np.ones(len(rows), bool)
-    return np.asarray(np.isfinite(rows).reshape(len(rows), -1).all(axis=1))

@@ -5,17 +5,17 @@ Quality-Diversity search whose behavioural descriptor is learned from the sensor
 [1] A. Cully, Autonomous skill discovery with Quality-Diversity and Unsupervised Descriptors, GECCO 2019.
 """
 
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, finite_rows
+from auroraqd._checks import finite_rows, number, whole
+from auroraqd._interrupts import uninterrupted
+from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, check_like
 from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.history import History, Record
 from auroraqd.resolution import VAT
@@ -34,6 +34,7 @@ class _Pending(NamedTuple):
     genotype: np.ndarray  # (n, n_genes)
     parent_id: np.ndarray  # (n,) int64, -1 for those without a parent
     parent_row: np.ndarray  # (n,) int64, where the parents were when they were selected
+    rearranged: int  # the archive's count at that time
     since: float
 
 
@@ -77,8 +78,8 @@ class Aurora:
         schedule: Callable[[int], bool] = Doubling(),
         prior: ArrayLike | None = None,
     ) -> None:
-        self.n_genes = _whole("n_genes", n_genes)
-        self.batch_size = _whole("batch_size", batch_size)
+        self.n_genes = whole("n_genes", n_genes)
+        self.batch_size = whole("batch_size", batch_size)
         for name, value in (("selection", selection), ("variation", variation), ("schedule", schedule)):
             _check_callable(name, value)
         if resolution is not None:
@@ -93,9 +94,7 @@ class Aurora:
         self.generation = 0
         self.evaluations = 0
         self.history = History()
-        if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
-            raise ValueError(f"seed must be a whole number, 0 or more, or None, got {seed!r}")
-        self.seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else int(seed)
+        self.seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else whole("seed", seed, least=0)
         self._rng = np.random.default_rng(self.seed)
         self._descriptor = Descriptor.checked(descriptor, self._rng)
         self._refits = self._descriptor.learned and prior is None
@@ -136,8 +135,8 @@ class Aurora:
             ValueError: genotypes has the wrong shape or leaves [0, 1].
         """
         if self._pending is not None:
-            raise RuntimeError("ask was called twice: first tell the fitness and observation of the batch asked for before")
-        with _uninterrupted():
+            raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
+        with uninterrupted():
             return self._asked(genotypes)
 
     def _asked(self, genotypes: ArrayLike | None) -> np.ndarray:
@@ -151,7 +150,7 @@ class Aurora:
         else:
             children, parent_row = self._offspring()
         parent_id = np.where(parent_row < 0, -1, self.archive.id[parent_row]) if len(self.archive) else parent_row
-        self._pending = _Pending(children, parent_id, parent_row, since)
+        self._pending = _Pending(children, parent_id, parent_row, self.archive.rearranged, since)
         return children.copy()
 
     def tell(self, fitness: ArrayLike, observation: ArrayLike, ground_truth: ArrayLike | None = None) -> np.ndarray:
@@ -177,8 +176,17 @@ class Aurora:
             raise RuntimeError("tell was called before ask: there is no batch to tell about")
         evaluation = checked(Evaluation(fitness, observation, ground_truth), len(self._pending.genotype))
         self._check_as_before(evaluation)
-        with _uninterrupted():
-            return self._told(self._pending, evaluation)
+        was_full = self.archive.full
+        with uninterrupted():
+            status = self._told(self._pending, evaluation)
+        if self.archive.full and not was_full:
+            warnings.warn(f"the archive is full ({len(self.archive)} individuals): new ones are rejected", stacklevel=2)
+        return status
+
+    @property
+    def pending(self) -> np.ndarray | None:
+        """The genotypes asked for and not told yet, (n, n_genes), or None."""
+        return None if self._pending is None else self._pending.genotype.copy()
 
     def run(
         self,
@@ -210,18 +218,20 @@ class Aurora:
             ValueError: no budget, or a negative one.
         """
         budget = _Budget(self, generations, evaluations, seconds)
-        if initial is not None and self._pending is None:
-            with _uninterrupted():
-                self._ask_known(self._checked_genotypes(initial))
+        if callback is not None:
+            _check_callable("callback", callback)
+        known = None if initial is None else self._checked_genotypes(initial)
         while not budget.used_up():
+            if self._pending is None and known is not None:
+                self._ask_known(known)
+                known = None
             genotypes = self.ask() if self._pending is None else self._pending.genotype.copy()
             evaluation = evaluated(task, genotypes, self.generation)
             try:
-                self.tell(*evaluation)
-            except DescriptorError:
-                raise
+                self._check_as_before(evaluation)
             except ValueError as error:
                 raise TaskError(f"task {name_of(task)} at generation {self.generation}: {error}") from error
+            self.tell(*evaluation)
             self._check_progress(task)
             if callback is not None and callback(self) is True:
                 break
@@ -230,10 +240,14 @@ class Aurora:
     def _ask_known(self, known: np.ndarray) -> None:
         """Known controllers as the next batch; in an empty archive, filled up with random ones."""
         missing = max(self.batch_size - len(known), 0) if len(self.archive) == 0 else 0
-        self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
+        with uninterrupted():
+            self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
     def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
-        children = np.array(genotypes, np.float64)
+        try:
+            children = np.array(genotypes, np.float64)
+        except (TypeError, ValueError):
+            raise ValueError(f"genotypes must be numbers of shape (n, {self.n_genes})") from None
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
             raise ValueError(f"genotypes must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
         if not ((children >= 0) & (children <= 1)).all():
@@ -248,16 +262,21 @@ class Aurora:
         if (evaluation.ground_truth is None) != (before.ground_truth is None):
             raise ValueError("ground_truth must be given for every generation or for none")
         for name in ("observation", "ground_truth"):
-            known, told = getattr(before, name), getattr(evaluation, name)
-            if known is not None and known.shape[1:] != told.shape[1:]:
-                raise ValueError(f"{name} must have shape {('n', *known.shape[1:])}, as before, got {told.shape}")
+            if getattr(before, name) is not None:
+                check_like(name, getattr(evaluation, name), getattr(before, name))
 
     def _offspring(self) -> tuple[np.ndarray, np.ndarray]:
         n_parents = getattr(self.variation, "n_parents", 1)
-        rows = self.selection(self.archive, self.batch_size * n_parents, self._rng)
+        wanted = self.batch_size * n_parents
+        rows = np.asarray(self.selection(self.archive, wanted, self._rng))
+        if rows.shape != (wanted,) or rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= len(self.archive):
+            raise ValueError(f"selection must return ({wanted},) rows of the archive, got shape {rows.shape} of {rows.dtype}")
         if n_parents > 1:
             rows = rows.reshape(self.batch_size, n_parents)
-        children = self._checked_genotypes(self.variation(self.archive.genotype[rows], self._rng))
+        children = np.array(self.variation(self.archive.genotype[rows], self._rng), np.float64)
+        if children.shape != (self.batch_size, self.n_genes) or not ((children >= 0) & (children <= 1)).all():
+            wanted = (self.batch_size, self.n_genes)
+            raise ValueError(f"variation must return genotypes of shape {wanted} in [0, 1], got shape {children.shape}")
         return children, rows if n_parents == 1 else rows[:, 0]
 
     def _told(self, pending: _Pending, evaluation: Evaluation) -> np.ndarray:
@@ -265,18 +284,18 @@ class Aurora:
         batch = _Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
-        valid = batch.valid
+        valid = batch.valid & self._descriptor.readable(batch.observation, batch.ground_truth)
         update = self._update_due or self.schedule(self.generation)
         if self._descriptor.ready or np.count_nonzero(valid) + len(self.archive) >= self._descriptor.rows_to_fit(
             batch.observation[0].size
         ):
-            status = self._place(batch, valid, update)
+            status = self._place(batch, valid, update, pending.rearranged)
             self._update_due = update and len(self.archive) == 0
             self._waiting = None
             counted = status
         else:
             status = np.where(valid, REJECTED, INVALID).astype(np.int8)
-            self._update_due, self._waiting = update, batch.only(valid)
+            self._update_due, self._waiting = update, batch.only(valid).copied()
             counted = status[~valid]
         for value, name in _STATUS_NAMES.items():
             self._counts[name] += int(np.count_nonzero(counted == value))
@@ -287,9 +306,13 @@ class Aurora:
         self._record()
         return status[-len(pending.genotype) :]
 
-    def _place(self, batch: "_Batch", valid: np.ndarray, update: bool) -> np.ndarray:
-        """Add a batch, after an update of the descriptor if there is to be one, and credit the parents."""
-        describable = finite_rows(batch.observation)  # what is invalid by its fitness alone is left to the archive
+    def _place(self, batch: "_Batch", valid: np.ndarray, update: bool, rearranged: int) -> np.ndarray:
+        """Add a batch, after an update of the descriptor if there is to be one, and credit the parents.
+
+        `rearranged` is the archive's count when the parents were selected.
+        """
+        # What is invalid by its fitness alone is left to the archive.
+        describable = self._descriptor.readable(batch.observation, batch.ground_truth)
         individuals = batch.only(describable)
         renewal = self._renewal(batch.only(valid)) if update or not self._descriptor.ready else None
         descriptor = self._descriptor if renewal is None else renewal.descriptor
@@ -309,7 +332,8 @@ class Aurora:
             )
         elif renewal is not None:
             self._renew(renewal)
-        self.archive.credit(batch.parent_id, status, rows=None if renewal is not None else batch.parent_row)
+        rows = batch.parent_row if self.archive.rearranged == rearranged else None
+        self.archive.credit(batch.parent_id, status, rows=rows)
         return status
 
     def _renewal(self, individuals: "_Batch") -> "_Renewal | None":
@@ -323,12 +347,13 @@ class Aurora:
             return None
         sources = (archive.genotype, archive.observation, archive.ground_truth) if stored else individuals.sources
         descriptor = self._descriptor
-        if self._refits or not descriptor.ready:
+        enough = len(sources[1]) >= descriptor.rows_to_fit(sources[1][0].size)
+        if not descriptor.ready or (self._refits and enough):
             descriptor = descriptor.refitted(sources[1])
         values, error = descriptor.describe(*sources)
         if not np.isfinite(values).all():
             raise DescriptorError(f"{descriptor} gave a NaN or an infinity for individuals that are stored")
-        l = None if self.resolution is None else self.resolution(values)
+        l = None if self.resolution is None else number(f"what {self.resolution} gives for l", self.resolution(values))
         return _Renewal(descriptor, values if stored else values[:0], error if stored else None, l)
 
     def _renew(self, renewal: "_Renewal") -> None:
@@ -397,6 +422,11 @@ class _Batch(NamedTuple):
         columns: Any = (None if column is None else column[rows] for column in self)
         return _Batch(*columns)
 
+    def copied(self) -> "_Batch":
+        """The same in memory of its own: a task may use its arrays again."""
+        columns: Any = (None if column is None else column.copy() for column in self)
+        return _Batch(*columns)
+
     def joined(self, other: "_Batch") -> "_Batch":
         """These and the others."""
         pairs: Any = zip(self, other, strict=True)
@@ -408,16 +438,16 @@ class _Budget:
     """How much a call of `run` may use."""
 
     def __init__(self, aurora: Aurora, generations: int | None, evaluations: int | None, seconds: float | None):
-        limits = {"generations": generations, "evaluations": evaluations, "seconds": seconds}
-        if all(limit is None for limit in limits.values()):
+        if generations is None and evaluations is None and seconds is None:
             raise ValueError("run needs a budget: generations, evaluations or seconds")
-        for name, limit in limits.items():
-            if limit is not None and not limit >= 0:
-                raise ValueError(f"{name} must be 0 or more, got {limit}")
         self._aurora = aurora
-        self._generations = np.inf if generations is None else aurora.generation + generations
-        self._evaluations = np.inf if evaluations is None else aurora.evaluations + evaluations
-        self._deadline = np.inf if seconds is None else time.monotonic() + seconds
+        self._generations = self._evaluations = self._deadline = np.inf
+        if generations is not None:
+            self._generations = aurora.generation + whole("generations", generations, least=0)
+        if evaluations is not None:
+            self._evaluations = aurora.evaluations + whole("evaluations", evaluations, least=0)
+        if seconds is not None:
+            self._deadline = time.monotonic() + number("seconds", seconds)
 
     def used_up(self) -> bool:
         """Whether one of the limits is reached."""
@@ -429,7 +459,10 @@ class _Budget:
 
 
 def _checked_prior(prior: ArrayLike) -> np.ndarray:
-    observation = np.asarray(prior)
+    try:
+        observation = np.asarray(prior)
+    except ValueError:
+        raise ValueError("prior must be observations, (n, ...) numbers, with rows of one shape") from None
     if observation.dtype.kind not in "biuf" or observation.ndim < 1 or observation.size == 0:
         raise ValueError(f"prior must be observations, (n, ...) numbers, got shape {observation.shape} of {observation.dtype}")
     if not finite_rows(observation).all():
@@ -437,28 +470,6 @@ def _checked_prior(prior: ArrayLike) -> np.ndarray:
     return observation
 
 
-def _whole(name: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"{name} must be a whole number, 1 or more, got {value!r}")
-    return int(value)
-
-
 def _check_callable(name: str, value: object) -> None:
     if isinstance(value, type) or not callable(value):
         raise TypeError(f"{name} must be callable, an instance and not a class, got {value!r}")
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Hold back Ctrl-C until the state is consistent again. In other threads than the main one there is none to hold."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    received = []
-    previous = signal.signal(signal.SIGINT, lambda *arguments: received.append(arguments))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, previous)
-    if received and callable(previous):
-        previous(*received[0])

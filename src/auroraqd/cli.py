@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import time
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,10 @@ from rich.table import Table
 from auroraqd import __version__
 
 if TYPE_CHECKING:
+    from auroraqd.aurora import Aurora
     from auroraqd.experiments import Settings
+
+_SAVE_EVERY = 60.0  # s
 
 app = typer.Typer(
     add_completion=False,
@@ -124,6 +128,7 @@ def repeat(
         raise UserError(f"{folder} was saved from Python: only what `auroraqd run` made can be run again")
     try:
         settings = Settings.from_json(config)
+        settings.build()
     except (ValueError, TypeError) as error:
         raise UserError(f"{folder}/config.json cannot be run again: {error}") from None
     _run(settings, out, overwrite, figures)
@@ -142,6 +147,7 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
     _check_free(out, overwrite)
     task, aurora = settings.build()
     out.mkdir(parents=True, exist_ok=True)
+    from auroraqd._interrupts import uninterrupted
     from auroraqd.descriptor import DescriptorError
     from auroraqd.progress import RunProgress
     from auroraqd.storage import save
@@ -149,17 +155,20 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
 
     failure: BaseException | None = None
     console.print(f"[bold]{settings.task}[/], descriptor [bold]{settings.descriptor}[/], seed {settings.seed}", highlight=False)
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # a cluster's polite end is like Ctrl-C
+    for polite_end in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a cluster, of a closed terminal
+        signal.signal(polite_end, signal.default_int_handler)
     try:
         with console.status("compiling, which takes some 10 s the first time") if console.is_terminal else nullcontext():
             _compile(settings)
         with RunProgress(console, settings.generations) as progress:
-            aurora.run(task, generations=settings.generations, callback=progress)
+            save_now_and_then = _Saving(out, settings.as_json())
+            aurora.run(task, generations=settings.generations, callback=lambda run: (progress(run), save_now_and_then(run))[0])
     except (KeyboardInterrupt, TaskError, DescriptorError) as error:
         failure = error
     kept = "nothing had been found yet"
     if len(aurora.archive) or failure is None:
-        save(aurora, out, config=settings.as_json())
+        with uninterrupted():  # an impatient second Ctrl-C
+            save(aurora, out, config=settings.as_json())
         _report(out, figures)
         kept = f"what was found is in {out}"
     else:
@@ -170,6 +179,21 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
         raise typer.Exit(130)
     if failure is not None:
         raise UserError(f"{failure}; {kept}")
+
+
+class _Saving:
+    """A callback that saves a run every minute, so that not even a dead machine costs more than that."""
+
+    def __init__(self, out: Path, config: dict[str, Any]):
+        self._out, self._config = out, config
+        self._next = time.monotonic() + _SAVE_EVERY
+
+    def __call__(self, aurora: "Aurora") -> None:
+        if time.monotonic() >= self._next and len(aurora.archive):
+            from auroraqd.storage import save
+
+            save(aurora, self._out, config=self._config)
+            self._next = time.monotonic() + _SAVE_EVERY
 
 
 def _compile(settings: "Settings") -> None:
@@ -228,10 +252,16 @@ def main() -> None:
     """The `auroraqd` command."""
     try:
         app(standalone_mode=True)
-    except (UserError, ValueError, FileNotFoundError, PermissionError, OSError) as error:
-        errors.print("[bold red]Error:[/] ", end="")
-        errors.print(str(error), markup=False, highlight=False)
-        sys.exit(1)
+    except (UserError, ValueError, OSError) as error:
+        _fail(str(error))
+    except MemoryError as error:
+        _fail(f"there is not enough memory: {error}")
+
+
+def _fail(message: str) -> None:
+    errors.print("[bold red]Error:[/] ", end="")
+    errors.print(message, markup=False, highlight=False)
+    sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from auroraqd._checks import finite_rows
+
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"
 
@@ -52,7 +54,7 @@ class Scaling(NamedTuple):
     def scaler(self, features: int) -> "_Scaler":
         """What scales observations of this many features in all."""
         half = self.high / 2 - self.low / 2
-        factor = 1 / np.where(half > 0, half, 1.0)
+        factor = 1 / np.where(half > np.finfo(np.float64).tiny, half, 1.0)
         repeats = features // len(factor)
         return _Scaler(np.tile(self.high / 2 + self.low / 2, repeats), np.tile(factor, repeats))
 
@@ -130,8 +132,15 @@ class Descriptor:
 
     def rows_to_fit(self, features: int) -> int:
         """The fewest observations that can be fitted: one more than the components, where the transformer has a number."""
-        components = getattr(self.source, "n_components", 1)
-        return 1 + min(components, features) if isinstance(components, int) else 2
+        last = self.source.steps[-1][1] if hasattr(self.source, "steps") else self.source  # type: ignore[union-attr]
+        components = getattr(last, "n_components", 1)
+        return 1 + min(int(components), features) if isinstance(components, int | np.integer) else 2
+
+    def readable(self, observation: np.ndarray, ground_truth: np.ndarray | None) -> np.ndarray:
+        """(n,) bool: the individuals that it can describe: what it reads has neither a NaN nor an infinity."""
+        if self.source == HAND_CODED and ground_truth is not None:
+            return finite_rows(ground_truth)
+        return finite_rows(observation)
 
     def refitted(self, observation: np.ndarray) -> "Descriptor":
         """A new descriptor, learned from observations, (n, ...). The old one stays as it was, whatever happens.
@@ -188,7 +197,10 @@ class Descriptor:
         z = self._encoded(x)
         if self.decode is None:
             return z, None
-        difference = np.asarray(self.decode(z), np.float64) - x
+        reconstruction = np.asarray(self.decode(z), np.float64)
+        if reconstruction.shape != x.shape:
+            raise DescriptorError(f"the inverse of {self} must return shape {x.shape}, got {reconstruction.shape}")
+        difference = reconstruction - x
         return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from auroraqd._checks import whole
+
 
 def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30) -> float:
     """Kullback-Leibler coverage, D_KL(reference || compared), over a joint histogram (paper, Eq. 1).
@@ -20,6 +22,7 @@ def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30) -> float:
     Raises:
         ValueError: not two-dimensional, empty, NaN, or of different d.
     """
+    bins = whole("bins", bins)
     reference, compared = _points("reference", reference), _points("compared", compared)
     if reference.shape[1] != compared.shape[1]:
         raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")

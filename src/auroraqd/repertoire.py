@@ -23,6 +23,11 @@ class Repertoire:
         missing = [name for name in REQUIRED if name not in columns]
         if missing:
             raise ValueError(f"a repertoire must have the columns {', '.join(REQUIRED)}; there is no {', '.join(missing)}")
+        if len({len(column) for column in columns.values()}) > 1:
+            raise ValueError(f"the columns of a repertoire must be of one length, got {[len(c) for c in columns.values()]}")
+        for name, ndim in (("genotype", 2), ("fitness", 1), ("descriptor", 2), ("curiosity", 1), ("id", 1)):
+            if columns[name].ndim != ndim:
+                raise ValueError(f"{name} must have {ndim} axes, got shape {columns[name].shape}")
         self._columns = dict(columns)
         for column in self._columns.values():
             column.flags.writeable = False

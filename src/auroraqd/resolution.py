@@ -4,10 +4,12 @@ A resolution is a callable `resolution(descriptors)` from (n, d) float64 to l, u
 """
 
 from dataclasses import dataclass
-from math import gamma, pi
+from math import exp, lgamma, log, pi
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
+
+from auroraqd._checks import number
 
 
 @dataclass(frozen=True)
@@ -28,14 +30,13 @@ class VAT:
     cells: float = 60000 * pi / 4
 
     def __post_init__(self) -> None:
-        if not self.cells > 0:
-            raise ValueError(f"cells must be above 0, got {self.cells}")
+        number("cells", self.cells, least=1e-300, wanted="above 0")
 
     def __call__(self, descriptors: np.ndarray) -> float:
         """L over `descriptors`, (n, d), n >= 1, turned into l."""
         d = descriptors.shape[1]
-        unit_ball = pi ** (d / 2) / gamma(d / 2 + 1)
-        return largest_distance(descriptors) / 2 * (unit_ball / self.cells) ** (1 / d)
+        unit_ball = d / 2 * log(pi) - lgamma(d / 2 + 1)  # the logarithm of its volume
+        return largest_distance(descriptors) / 2 * exp((unit_ball - log(self.cells)) / d)
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,7 @@ class Fixed:
     l: float
 
     def __post_init__(self) -> None:
-        if not 0 <= self.l < np.inf:
-            raise ValueError(f"l must be a finite number, 0 or more, got {self.l}")
+        number("l", self.l)
 
     def __call__(self, descriptors: np.ndarray) -> float:
         """l."""

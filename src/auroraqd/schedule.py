@@ -6,6 +6,8 @@ A schedule is a callable `schedule(generation)`; a generation's number is how ma
 
 from dataclasses import dataclass
 
+from auroraqd._checks import whole
+
 
 @dataclass(frozen=True)
 class Doubling:
@@ -18,7 +20,7 @@ class Doubling:
     first: int = 50
 
     def __post_init__(self) -> None:
-        _check_generations("first", self.first)
+        whole("first", self.first)
 
     def __call__(self, generation: int) -> bool:
         """Whether to update before this generation is added."""
@@ -37,7 +39,7 @@ class Every:
     generations: int
 
     def __post_init__(self) -> None:
-        _check_generations("generations", self.generations)
+        whole("generations", self.generations)
 
     def __call__(self, generation: int) -> bool:
         """Whether to update before this generation is added."""
@@ -51,8 +53,3 @@ class Never:
     def __call__(self, generation: int) -> bool:
         """False."""
         return False
-
-
-def _check_generations(name: str, value: int) -> None:
-    if isinstance(value, bool) or int(value) != value or value < 1:
-        raise ValueError(f"{name} must be a whole number of generations, 1 or more, got {value}")

@@ -58,9 +58,9 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     config = {**(settings_of(aurora) if config is None else config), "environment": environment()}
-    _write(folder / CONFIG, (json.dumps(config, indent=2) + "\n").encode())
-    _write(folder / HISTORY, _history_csv(aurora.history.records).encode())
     _write(folder / REPERTOIRE, _repertoire_bytes(aurora))
+    _write(folder / HISTORY, _history_csv(aurora.history.records).encode())
+    _write(folder / CONFIG, (json.dumps(config, indent=2) + "\n").encode())
     for name in FIGURE_FILES:  # they show what was there before
         (folder / FIGURES / name).unlink(missing_ok=True)
     return folder
@@ -123,7 +123,7 @@ def load_history(folder: str | os.PathLike) -> list[Record]:
         if tuple(header) != Record._fields:
             raise ValueError(f"the columns must be {', '.join(Record._fields)}")
         return [Record(*(kind(value) for kind, value in zip(kinds, row, strict=True))) for row in rows]
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
 
 
@@ -250,8 +250,11 @@ def _existing(folder: str | os.PathLike, name: str) -> Path:
 
 
 def _write(path: Path, content: bytes) -> None:
-    with replacing(path) as file:
-        file.write(content)
+    try:
+        with replacing(path) as file:
+            file.write(content)
+    except OSError as error:
+        raise OSError(f"{path} could not be written: {error.strerror}") from error
 
 
 @contextlib.contextmanager

@@ -10,6 +10,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from auroraqd._checks import number
+
 
 @dataclass(frozen=True)
 class Polynomial:
@@ -27,9 +29,8 @@ class Polynomial:
     at_least_one: bool = True
 
     def __post_init__(self) -> None:
-        _check_rate(self.rate)
-        if not self.eta >= 0:
-            raise ValueError(f"eta must be 0 or more, got {self.eta}")
+        number("rate", self.rate, most=1, wanted="a probability, from 0 to 1")
+        number("eta", self.eta)
 
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, n_genes) parents to (n, n_genes) children."""
@@ -58,9 +59,8 @@ class Gaussian:
     at_least_one: bool = True
 
     def __post_init__(self) -> None:
-        _check_rate(self.rate)
-        if not self.sigma > 0:
-            raise ValueError(f"sigma must be above 0, got {self.sigma}")
+        number("rate", self.rate, most=1, wanted="a probability, from 0 to 1")
+        number("sigma", self.sigma, least=1e-300, wanted="above 0")
 
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, n_genes) parents to (n, n_genes) children."""
@@ -86,10 +86,8 @@ class IsoLine:
     line_sigma: float = 0.2
 
     def __post_init__(self) -> None:
-        if not (self.iso_sigma >= 0 and self.line_sigma >= 0 and self.iso_sigma + self.line_sigma > 0):
-            raise ValueError(
-                f"iso_sigma and line_sigma must be 0 or more and not both 0, got {self.iso_sigma} and {self.line_sigma}"
-            )
+        if number("iso_sigma", self.iso_sigma) + number("line_sigma", self.line_sigma) == 0:
+            raise ValueError("iso_sigma and line_sigma must not both be 0")
 
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, 2, n_genes) pairs of parents to (n, n_genes) children."""
@@ -97,11 +95,6 @@ class IsoLine:
         children = first + rng.normal(0, self.iso_sigma, first.shape)
         children += rng.normal(0, self.line_sigma, (len(first), 1)) * (second - first)
         return np.clip(children, 0, 1, out=children)
-
-
-def _check_rate(rate: float) -> None:
-    if not 0 <= rate <= 1:
-        raise ValueError(f"rate must be a probability, from 0 to 1, got {rate}")
 
 
 def _mutated(shape: tuple[int, int], rate: float, at_least_one: bool, rng: np.random.Generator) -> np.ndarray:

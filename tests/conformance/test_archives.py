@@ -1,5 +1,11 @@
 """What every archive promises. A new archive adds one entry to ARCHIVES."""
 
+import copy
+import pickle
+import signal
+import threading
+import time
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -208,3 +214,69 @@ def test_dtype_may_not_change(archive):
     archive.add(**individuals(10, dtype=np.uint8))
     with pytest.raises(ValueError, match="observation must have dtype uint8"):
         archive.add(**individuals(10, 1))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda archive: pickle.loads(pickle.dumps(archive))])
+def test_a_copy_goes_its_own_way(archive, copied):
+    """Also in the arrays that kernels share between them."""
+    archive.add(**individuals(3000))
+    twin = copied(archive)
+    statuses = [[a.add(**individuals(500, seed)) for seed in range(1, 6)] for a in (archive, twin)]
+    assert_array_equal(*statuses)
+    for name in ("genotype", "descriptor", "id"):
+        assert_array_equal(getattr(archive, name), getattr(twin, name))
+    archive.add(**individuals(3000, 9))
+    assert len(twin.id) < len(archive.id) or twin.id.max() < archive.id.max()
+
+
+def test_threads_may_share_an_archive(archive):
+    def work(seed):
+        for i in range(20):
+            archive.add(**individuals(200, 100 * seed + i))
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(set(archive.id.tolist())) == len(archive) > 100
+    fresh = type(archive)(l=archive.l, competition=archive.competition)
+    fresh.add(archive.genotype, archive.fitness, archive.observation, archive.descriptor)
+    assert len(fresh) > 0.5 * len(archive)
+
+
+def test_an_interrupted_change_is_whole(archive):
+    """Ctrl-C while all are added again comes after that, and never in between."""
+    interrupted = 0
+    for delay in np.linspace(0.0005, 0.01, 25):
+        archive.add(**individuals(2000, int(1e6 * delay)))
+        timer = threading.Timer(delay, signal.raise_signal, [signal.SIGINT])
+        try:
+            timer.start()
+            archive.redescribe(archive.descriptor * 1.01)
+            time.sleep(0.05)
+        except KeyboardInterrupt:
+            interrupted += 1
+        timer.join()
+        size = len(archive)
+        assert len(archive.add(**individuals(10))) == 10
+        assert size <= len(archive) <= size + 10
+        assert len(set(archive.id.tolist())) == len(archive)
+    assert interrupted
+
+
+def test_rows_out_of_date_are_harmless(archive):
+    archive.add(**individuals(20))
+    archive.credit(archive.id[:1], [1], rows=np.array([10**6]))
+    assert_array_equal(archive.curiosity, 0)
+    with pytest.raises(ValueError, match="one shape"):
+        archive.credit(archive.id, [1])
+
+
+def test_nothing_is_cast_with_loss(archive):
+    archive.add(**individuals(10, dtype=np.int8))
+    rows = individuals(10, 1, dtype=np.int64)
+    with pytest.raises(ValueError, match="observation must have dtype int8, as before, got int64"):
+        archive.add(**rows)
+    with pytest.raises(ValueError, match="at most 64 bits"):
+        archive.add(**{**rows, "observation": rows["observation"].astype(np.longdouble)})

@@ -5,6 +5,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from auroraqd import resolution, schedule, selection, variation
+from auroraqd._checks import whole
 from auroraqd.archive import UnstructuredArchive
 from auroraqd.aurora import Aurora
 from auroraqd.storage import as_json
@@ -56,10 +57,8 @@ class Settings:
         if self.descriptor not in DESCRIPTORS:
             raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
         for name in ("components", "generations", "batch_size"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be 1 or more, got {getattr(self, name)}")
-        if self.seed < 0:
-            raise ValueError(f"seed must be 0 or more, got {self.seed}")
+            whole(name, getattr(self, name))
+        whole("seed", self.seed, least=0)
 
     def build(self) -> tuple[Any, Aurora]:
         """The task, and an Aurora at generation 0.
@@ -113,6 +112,8 @@ class Settings:
             raise ValueError(f"the settings have no {', '.join(missing)}")
         given = {name: values[name] for name in names}
         for name, kinds in STRATEGIES.items():
+            if not isinstance(given[name], Mapping):
+                raise ValueError(f"{name} must be an object with a type, got {given[name]!r}")
             options = dict(given[name])
             kind = options.pop("type", None)
             classes = {c.__name__: c for c in kinds.values()}

@@ -79,8 +79,8 @@ def _rows(name: str, values: Any, n: int) -> np.ndarray:
         array = np.asarray(values)
     except ValueError:
         raise ValueError(f"{name} must be an array with rows of one shape") from None
-    if array.dtype.kind not in "biuf":
-        raise ValueError(f"{name} must be numbers, got dtype {array.dtype}")
+    if array.dtype.kind not in "biuf" or array.dtype.itemsize > 8:
+        raise ValueError(f"{name} must be numbers of at most 64 bits, got dtype {array.dtype}")
     if array.ndim == 0 or len(array) != n:
         raise ValueError(f"{name} must have {n} rows, one for each genotype, got shape {array.shape}")
     return array

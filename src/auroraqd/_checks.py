@@ -1,0 +1,43 @@
+"""Checks of arguments: one sentence with the argument's name, what was wanted and what came."""
+
+from typing import Any
+
+import numpy as np
+
+
+def whole(name: str, value: Any, *, least: int = 1, most: int | None = None) -> int:
+    """The value as an int.
+
+    Raises:
+        ValueError: it is no whole number, or out of range.
+    """
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | np.integer)
+        or value < least
+        or (most is not None and value > most)
+    ):
+        limit = f"{least} or more" if most is None else f"from {least} to {most}"
+        raise ValueError(f"{name} must be a whole number, {limit}, got {value!r}")
+    return int(value)
+
+
+def number(name: str, value: Any, *, least: float = 0.0, most: float = np.inf, wanted: str = "0 or more") -> float:
+    """The value as a float: finite, at least `least`, at most `most`.
+
+    Raises:
+        ValueError: it is no number, or out of range.
+    """
+    numeric = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not (numeric and least <= value <= most and abs(value) < np.inf):
+        raise ValueError(f"{name} must be a finite number, {wanted}, got {value!r}")
+    return float(value)
+
+
+def finite_rows(rows: np.ndarray) -> np.ndarray:
+    """(n,) bool: which rows of (n, ...) hold neither a NaN nor an infinity."""
+    if rows.dtype.kind != "f":
+        return np.ones(len(rows), bool)
+    if np.isfinite(rows.sum()):  # the common case, in one pass: no sum of finite numbers comes from a NaN or an infinity
+        return np.ones(len(rows), bool)
+    return np.asarray(np.isfinite(rows).reshape(len(rows), -1).all(axis=1))

@@ -1,0 +1,37 @@
+"""Ctrl-C, and what else asks a process to end, held back while a state is half changed."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_depth = 0
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Hold back signals that have a Python handler until the block is left; then they are handled.
+
+    In other threads than the main one there is nothing to hold back. Blocks may be nested.
+    """
+    global _depth
+    if _depth or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    received = []
+    # SIGINT is the first to be held back and the last to be let go, so that it cannot come in between.
+    handlers = [(number, handler) for number in _SIGNALS if callable(handler := signal.getsignal(number))]
+    try:
+        for number, _ in handlers:
+            signal.signal(number, lambda *arguments: received.append(arguments))
+        _depth = 1
+        yield
+    finally:
+        _depth = 0
+        for number, handler in reversed(handlers):
+            signal.signal(number, handler)
+    for arguments in received:
+        handler = signal.getsignal(arguments[0])
+        if callable(handler):
+            handler(*arguments)
