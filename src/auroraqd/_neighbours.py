@@ -14,6 +14,7 @@ distance to a point in the box: pruning cannot change an answer, not even in the
 the lowest row. Answers therefore do not depend on the shape of the tree.
 
 Everything here takes and returns arrays; `Tree` is a tuple of arrays. Kernels are serial and release the interpreter lock.
+They stay in one file: Numba's cache on disk notices a change of a kernel's own file only, not of those it calls into.
 """
 
 from typing import NamedTuple
