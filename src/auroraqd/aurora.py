@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from auroraqd._checks import finite_rows, number, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, check_like
+from auroraqd.batch import Batch, Pending
 from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.history import History, Record
 from auroraqd.resolution import VAT
@@ -26,16 +27,6 @@ from auroraqd.variation import Polynomial
 
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
-
-
-class _Pending(NamedTuple):
-    """A batch that was asked for and not told."""
-
-    genotype: np.ndarray  # (n, n_genes)
-    parent_id: np.ndarray  # (n,) int64, -1 for those without a parent
-    parent_row: np.ndarray  # (n,) int64, where the parents were when they were selected
-    rearranged: int  # the archive's count at that time
-    since: float
 
 
 class Aurora:
@@ -102,9 +93,9 @@ class Aurora:
             if not self._descriptor.learned:
                 raise ValueError(f"prior is for descriptors that are learned, not for {descriptor!r}")
             self._descriptor = self._descriptor.refitted(_checked_prior(prior))
-        self._waiting: _Batch | None = None  # individuals told before there were enough for a first fit
+        self._waiting: Batch | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
-        self._pending: _Pending | None = None
+        self._pending: Pending | None = None
         self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
 
@@ -150,7 +141,7 @@ class Aurora:
         else:
             children, parent_row = self._offspring()
         parent_id = np.where(parent_row < 0, -1, self.archive.id[parent_row]) if len(self.archive) else parent_row
-        self._pending = _Pending(children, parent_id, parent_row, self.archive.rearranged, since)
+        self._pending = Pending(children, parent_id, parent_row, self.archive.rearranged, since)
         return children.copy()
 
     def tell(self, fitness: ArrayLike, observation: ArrayLike, ground_truth: ArrayLike | None = None) -> np.ndarray:
@@ -279,9 +270,9 @@ class Aurora:
             raise ValueError(f"variation must return genotypes of shape {wanted} in [0, 1], got shape {children.shape}")
         return children, rows if n_parents == 1 else rows[:, 0]
 
-    def _told(self, pending: _Pending, evaluation: Evaluation) -> np.ndarray:
+    def _told(self, pending: Pending, evaluation: Evaluation) -> np.ndarray:
         """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
-        batch = _Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
+        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
         valid = batch.valid & self._descriptor.readable(batch.observation, batch.ground_truth)
@@ -306,7 +297,7 @@ class Aurora:
         self._record()
         return status[-len(pending.genotype) :]
 
-    def _place(self, batch: "_Batch", valid: np.ndarray, update: bool, rearranged: int) -> np.ndarray:
+    def _place(self, batch: Batch, valid: np.ndarray, update: bool, rearranged: int) -> np.ndarray:
         """Add a batch, after an update of the descriptor if there is to be one, and credit the parents.
 
         `rearranged` is the archive's count when the parents were selected.
@@ -336,7 +327,7 @@ class Aurora:
         self.archive.credit(batch.parent_id, status, rows=rows)
         return status
 
-    def _renewal(self, individuals: "_Batch") -> "_Renewal | None":
+    def _renewal(self, individuals: Batch) -> "_Renewal | None":
         """The descriptor refitted, if it is learned, and all that is stored described by it (paper, Sec. "AURORA").
 
         While nothing is stored, from the individuals about to be added; None when there are none either.
@@ -393,45 +384,6 @@ class _Renewal(NamedTuple):
     values: np.ndarray  # (n, d), the new descriptors of all that is stored
     error: np.ndarray | None  # (n,), the new reconstruction errors
     l: float | None
-
-
-class _Batch(NamedTuple):
-    """Individuals that have been evaluated and not yet added."""
-
-    genotype: np.ndarray
-    parent_id: np.ndarray
-    parent_row: np.ndarray
-    fitness: np.ndarray
-    observation: np.ndarray
-    ground_truth: np.ndarray | None
-
-    @property
-    def valid(self) -> np.ndarray:
-        """(n,) bool: the rows without a NaN or an infinity in fitness and observation."""
-        return finite_rows(self.fitness) & finite_rows(self.observation)
-
-    @property
-    def sources(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """What a descriptor may read."""
-        return self.genotype, self.observation, self.ground_truth
-
-    def only(self, rows: np.ndarray) -> "_Batch":
-        """These rows, (n,) bool."""
-        if rows.all():
-            return self
-        columns: Any = (None if column is None else column[rows] for column in self)
-        return _Batch(*columns)
-
-    def copied(self) -> "_Batch":
-        """The same in memory of its own: a task may use its arrays again."""
-        columns: Any = (None if column is None else column.copy() for column in self)
-        return _Batch(*columns)
-
-    def joined(self, other: "_Batch") -> "_Batch":
-        """These and the others."""
-        pairs: Any = zip(self, other, strict=True)
-        columns: Any = (None if one is None else np.concatenate([one, two]) for one, two in pairs)
-        return _Batch(*columns)
 
 
 class _Budget:

@@ -1,5 +1,6 @@
 """The command line. Heavy imports are inside the commands: `auroraqd --help` must answer at once."""
 
+import copy
 import signal
 import sys
 import time
@@ -200,6 +201,7 @@ def _compile(settings: "Settings") -> None:
     """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
     task, aurora = replace(settings, batch_size=max(settings.batch_size, 20), capacity=None).build()
     aurora.run(task, generations=3)
+    copy.deepcopy(aurora.archive)  # builds its index anew, as long runs do now and then
 
 
 def _check_free(out: Path, overwrite: bool) -> None:
