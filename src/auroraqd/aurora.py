@@ -275,12 +275,13 @@ class Aurora:
         batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
-        valid = batch.valid & self._descriptor.readable(batch.observation, batch.ground_truth)
+        readable = self._descriptor.readable(batch.observation, batch.ground_truth)
+        valid = finite_rows(batch.fitness) & readable
         update = self._update_due or self.schedule(self.generation)
-        if self._descriptor.ready or np.count_nonzero(valid) + len(self.archive) >= self._descriptor.rows_to_fit(
-            batch.observation[0].size
-        ):
-            status = self._place(batch, valid, update, pending.rearranged)
+        enough = self._descriptor.rows_to_fit(batch.observation[0].size)
+        if self._descriptor.ready or np.count_nonzero(valid) + len(self.archive) >= enough:
+            renewal = self._renewal(batch.only(valid)) if update or not self._descriptor.ready else None
+            status = self._place(batch, readable, renewal, pending.rearranged)
             self._update_due = update and len(self.archive) == 0
             self._waiting = None
             counted = status
@@ -297,23 +298,21 @@ class Aurora:
         self._record()
         return status[-len(pending.genotype) :]
 
-    def _place(self, batch: Batch, valid: np.ndarray, update: bool, rearranged: int) -> np.ndarray:
-        """Add a batch, after an update of the descriptor if there is to be one, and credit the parents.
+    def _place(self, batch: Batch, readable: np.ndarray, renewal: "_Renewal | None", rearranged: int) -> np.ndarray:
+        """Add a batch, after an update of the descriptor if there is one, and credit the parents.
 
-        `rearranged` is the archive's count when the parents were selected.
+        What is invalid by its fitness alone is left to the archive. `rearranged` is the archive's count when the parents
+        were selected.
         """
-        # What is invalid by its fitness alone is left to the archive.
-        describable = self._descriptor.readable(batch.observation, batch.ground_truth)
-        individuals = batch.only(describable)
-        renewal = self._renewal(batch.only(valid)) if update or not self._descriptor.ready else None
+        individuals = batch.only(readable)
         descriptor = self._descriptor if renewal is None else renewal.descriptor
-        status = np.full(len(valid), INVALID, np.int8)
+        status = np.full(len(readable), INVALID, np.int8)
         if len(individuals.genotype):
             values, error = descriptor.describe(*individuals.sources)
             # Up to here anything may raise; from here on the state changes.
             if renewal is not None:
                 self._renew(renewal)
-            status[describable] = self.archive.add(
+            status[readable] = self.archive.add(
                 individuals.genotype,
                 individuals.fitness,
                 individuals.observation,

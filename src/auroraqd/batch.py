@@ -4,8 +4,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd._checks import finite_rows
-
 
 class Pending(NamedTuple):
     """A batch that was asked for and not told."""
@@ -26,11 +24,6 @@ class Batch(NamedTuple):
     fitness: np.ndarray
     observation: np.ndarray
     ground_truth: np.ndarray | None
-
-    @property
-    def valid(self) -> np.ndarray:
-        """(n,) bool: the rows without a NaN or an infinity in fitness and observation."""
-        return finite_rows(self.fitness) & finite_rows(self.observation)
 
     @property
     def sources(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:

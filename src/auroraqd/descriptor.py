@@ -137,9 +137,9 @@ class Descriptor:
         return 1 + min(int(components), features) if isinstance(components, int | np.integer) else 2
 
     def readable(self, observation: np.ndarray, ground_truth: np.ndarray | None) -> np.ndarray:
-        """(n,) bool: the individuals that it can describe: what it reads has neither a NaN nor an infinity."""
+        """(n,) bool: individuals without a NaN or an infinity in the observation, and in the ground truth if it reads it."""
         if self.source == HAND_CODED and ground_truth is not None:
-            return finite_rows(ground_truth)
+            return finite_rows(observation) & finite_rows(ground_truth)
         return finite_rows(observation)
 
     def refitted(self, observation: np.ndarray) -> "Descriptor":

@@ -41,7 +41,7 @@ class Curiosity:
 _BLOCK = 64
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nnan"})
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nnan", "nsz"})
 def _roulette(score, spins, rows):
     """Spin a wheel with slots as wide as the scores, shifted by the lowest if it is negative.
 
@@ -57,15 +57,15 @@ def _roulette(score, spins, rows):
         False, and rows undefined, when all slots are of width 0.
     """
     low = 0.0
-    for value in score:
-        low = min(low, value)
+    for row in range(score.shape[0]):
+        low = min(low, score[row])
     blocks = (score.shape[0] + _BLOCK - 1) // _BLOCK
     ends = np.empty(blocks)
     total = 0.0
     for block in range(blocks):
         width = 0.0
-        for value in score[block * _BLOCK : (block + 1) * _BLOCK]:
-            width += value - low
+        for row in range(block * _BLOCK, min((block + 1) * _BLOCK, score.shape[0])):
+            width += score[row] - low
         total += width
         ends[block] = total
     if total == 0:
