@@ -14,7 +14,8 @@ from matplotlib import image
 from numpy.testing import assert_array_equal
 
 import auroraqd
-from auroraqd import storage
+from auroraqd import cli, storage
+from auroraqd.experiments import settings
 
 COMMAND = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
 
@@ -119,6 +120,37 @@ def test_folders_of_others_are_never_touched(tmp_path):
     done = command("run", "ballistic", "-n", 2, "--out", tmp_path, "--overwrite", ok=False)
     assert "no run folder" in done.stderr
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
+
+
+def test_a_long_run_is_saved_now_and_then(tmp_path, monkeypatch):
+    monkeypatch.setattr(cli, "_SAVE_EVERY", 0.0)
+    sizes = []
+    saving = cli._Saving(tmp_path, {"a": 1})
+
+    def callback(aurora):
+        saving(aurora)
+        sizes.append((len(auroraqd.load(tmp_path)), len(aurora.archive)))
+
+    auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=3, callback=callback)
+    assert [saved for saved, _ in sizes] == [size for _, size in sizes]
+    assert storage.load_config(tmp_path)["a"] == 1
+
+
+def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):
+    """As `auroraqd run` does it, with a task that breaks down in its fifth generation."""
+    calls = []
+
+    class Breaking(auroraqd.tasks.Ballistic):
+        def __call__(self, genotypes):
+            calls.append(len(genotypes))
+            if len(calls) == 8:  # three of them are for compilation
+                raise OSError("motor stalled")
+            return super().__call__(genotypes)
+
+    monkeypatch.setitem(settings.TASKS, "ballistic", Breaking)
+    with pytest.raises(cli.UserError, match=r"generation 4 raised OSError: motor stalled.*what was found is in"):
+        cli._run(settings.Settings(generations=20), tmp_path / "run", overwrite=False, figures=False)
+    assert storage.load_history(tmp_path / "run")[-1].generation == 4
 
 
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
