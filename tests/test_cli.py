@@ -136,6 +136,18 @@ def test_a_long_run_is_saved_now_and_then(tmp_path, monkeypatch):
     assert storage.load_config(tmp_path)["a"] == 1
 
 
+def test_a_full_disk_does_not_end_a_run(tmp_path, monkeypatch, capsys):
+    def full(*arguments, **options):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(cli, "_SAVE_EVERY", 0.0)
+    monkeypatch.setattr(storage, "save", full)
+    aurora = auroraqd.Aurora(2, "genotype", seed=0)
+    aurora.run(auroraqd.tasks.Ballistic(), generations=2, callback=cli._Saving(tmp_path, {}))
+    assert aurora.generation == 2
+    assert "not saved at generation 1: no space left" in capsys.readouterr().err
+
+
 def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):
     """As `auroraqd run` does it, with a task that breaks down in its fifth generation."""
     calls = []

@@ -162,8 +162,13 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
         with console.status("compiling, which takes some 10 s the first time") if console.is_terminal else nullcontext():
             _compile(settings)
         with RunProgress(console, settings.generations) as progress:
-            save_now_and_then = _Saving(out, settings.as_json())
-            aurora.run(task, generations=settings.generations, callback=lambda run: (progress(run), save_now_and_then(run))[0])
+            saving = _Saving(out, settings.as_json())
+
+            def after_each(aurora: "Aurora") -> None:
+                progress(aurora)
+                saving(aurora)
+
+            aurora.run(task, generations=settings.generations, callback=after_each)
     except (KeyboardInterrupt, TaskError, DescriptorError) as error:
         failure = error
     kept = "nothing had been found yet"
@@ -183,7 +188,10 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
 
 
 class _Saving:
-    """A callback that saves a run every minute, so that not even a dead machine costs more than that."""
+    """A callback that saves a run every minute, so that not even a dead machine costs more than that.
+
+    A disk that is full for a while does not end the run: it is said, and tried again a minute later.
+    """
 
     def __init__(self, out: Path, config: dict[str, Any]):
         self._out, self._config = out, config
@@ -193,7 +201,10 @@ class _Saving:
         if time.monotonic() >= self._next and len(aurora.archive):
             from auroraqd.storage import save
 
-            save(aurora, self._out, config=self._config)
+            try:
+                save(aurora, self._out, config=self._config)
+            except OSError as error:
+                errors.print(f"not saved at generation {aurora.generation}: {error}", highlight=False)
             self._next = time.monotonic() + _SAVE_EVERY
 
 

@@ -30,11 +30,6 @@ class Population:
         view.flags.writeable = False
         return view
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        return tuple(self._columns)
-
     def define(self, columns: Mapping[str, np.ndarray]) -> None:
         """Create columns with the row shapes and dtypes of these arrays."""
         self._columns = {name: np.empty((0, *rows.shape[1:]), rows.dtype) for name, rows in columns.items()}
