@@ -266,7 +266,7 @@ def test_folding_a_pipeline_changes_nothing(ballistic):
     chain = make_pipeline(StandardScaler(), PCA(n_components=3, whiten=True))
     aurora = Aurora(2, chain, seed=0).run(ballistic, generations=1)
     descriptor = aurora.descriptor
-    x = descriptor.flatten(observation)
+    x = descriptor.scaler(observation)
     assert_allclose(aurora.describe(observation), descriptor.source.transform(x), atol=1e-9)
     assert type(descriptor.encode).__name__ == "_Affine"
     assert_allclose(descriptor.decode(x[:, :3]), descriptor.source.inverse_transform(x[:, :3]), atol=1e-9)
@@ -405,7 +405,11 @@ def test_a_descriptor_that_fails_changes_nothing():
         ({"n_genes": 0}, ValueError, "n_genes must be"),
         ({"n_genes": 2.5}, ValueError, "n_genes must be"),
         ({"batch_size": 0}, ValueError, "batch_size must be"),
-        ({"descriptor": "pca"}, ValueError, "descriptor must be 'hand-coded', 'genotype' or a transformer, got 'pca'"),
+        (
+            {"descriptor": "pca"},
+            ValueError,
+            "descriptor must be one of hand-coded, genotype, observation, or a transformer, got 'pca'",
+        ),
         ({"descriptor": PCA}, TypeError, "descriptor must be"),
         ({"descriptor": 3}, TypeError, "descriptor must be"),
         ({"selection": auroraqd.Uniform}, TypeError, "selection must be callable, an instance"),

@@ -14,6 +14,8 @@ __version__ = "0.1.0"
 _HOME = {
     "Archive": "archive",
     "Aurora": "aurora",
+    "AutoEncoder": "autoencoder",
+    "CVTArchive": "cvt",
     "Curiosity": "selection",
     "DescriptorError": "descriptor",
     "Doubling": "schedule",
@@ -21,6 +23,7 @@ _HOME = {
     "Every": "schedule",
     "Fixed": "resolution",
     "Gaussian": "variation",
+    "GridArchive": "cells",
     "IsoLine": "variation",
     "Never": "schedule",
     "Polynomial": "variation",
@@ -31,6 +34,7 @@ _HOME = {
     "VAT": "resolution",
     "load": "storage",
     "save": "storage",
+    "tessellate": "cvt",
 }
 _MODULES = ("metrics", "tasks")
 
@@ -38,6 +42,8 @@ __all__ = [
     "VAT",
     "Archive",
     "Aurora",
+    "AutoEncoder",
+    "CVTArchive",
     "Curiosity",
     "DescriptorError",
     "Doubling",
@@ -45,6 +51,7 @@ __all__ = [
     "Every",
     "Fixed",
     "Gaussian",
+    "GridArchive",
     "IsoLine",
     "Never",
     "Polynomial",
@@ -56,12 +63,16 @@ __all__ = [
     "metrics",
     "save",
     "tasks",
+    "tessellate",
 ]
 
 if TYPE_CHECKING:
     from auroraqd import metrics, tasks
     from auroraqd.archive import Archive, UnstructuredArchive
     from auroraqd.aurora import Aurora
+    from auroraqd.autoencoder import AutoEncoder
+    from auroraqd.cells import GridArchive
+    from auroraqd.cvt import CVTArchive, tessellate
     from auroraqd.descriptor import DescriptorError
     from auroraqd.repertoire import Repertoire
     from auroraqd.resolution import VAT, Fixed

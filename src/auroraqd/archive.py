@@ -238,10 +238,11 @@ class Archive(ABC):
         kept = target >= 0
         source = np.empty(np.count_nonzero(status == NEW), np.int64)
         source[target[kept]] = order[kept]  # the last to be stored in a row is who is there
+        new = {name: rows[source] for name, rows in new.items()}  # before the rest moves: these may be views of it
         self._population.gather(source)
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
-            self._population.set(name, rows[source])
+            self._population.set(name, rows)
 
     @property
     def rearranged(self) -> int:

@@ -35,7 +35,8 @@ class Aurora:
     Args:
         n_genes: parameters of a controller; genes are in [0, 1].
         descriptor: any object with scikit-learn's `fit` and `transform`, which is copied; or "hand-coded" (the task's ground
-            truth), or "genotype". What it reads has each channel scaled to [-1, 1] and is flattened to (n, features).
+            truth), "genotype", or "observation" (all of it). Of an observation, each channel is scaled to [-1, 1] and all is
+            flattened to (n, features), unless the object has an attribute `natural_shape` that is true.
         seed: of all that is random. None: one that is drawn from the system, to be read from the attribute.
         batch_size: individuals a generation.
         archive: empty, or that of another run in this process. Default: `UnstructuredArchive()`.
@@ -43,7 +44,7 @@ class Aurora:
         resolution: gives l after each update of an unstructured archive; None leaves l alone.
         schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
             descriptor that is not learned is updated likewise, without the refit.
-        prior: observations, (n, ...), on which the descriptor is fitted once, now; it is then never refitted.
+        prior: observations, (n, ...), on which the descriptor is fitted once, now, with its scaling; it is then never refitted.
 
     Attributes:
         archive: what has been found.
@@ -115,6 +116,14 @@ class Aurora:
         """
         return self._descriptor.describe_observation(np.asarray(observation))
 
+    def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
+        """Observations, (n, ...) in the units of the task, that the learned descriptor expects at descriptors, (n, d).
+
+        Raises:
+            RuntimeError: the descriptor is not learned, not yet, or has no `inverse_transform`.
+        """
+        return self._descriptor.reconstruct(np.asarray(descriptor, np.float64))
+
     def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray:
         """The next batch to evaluate, (n, n_genes) in [0, 1]: random while nothing is stored, then offspring.
 
@@ -168,8 +177,7 @@ class Aurora:
         evaluation = checked(Evaluation(fitness, observation, ground_truth), len(self._pending.genotype))
         self._check_as_before(evaluation)
         was_full = self.archive.full
-        with uninterrupted():
-            status = self._told(self._pending, evaluation)
+        status = self._told(self._pending, evaluation)
         if self.archive.full and not was_full:
             warnings.warn(f"the archive is full ({len(self.archive)} individuals): new ones are rejected", stacklevel=2)
         return status
@@ -279,52 +287,52 @@ class Aurora:
         valid = finite_rows(batch.fitness) & readable
         update = self._update_due or self.schedule(self.generation)
         enough = self._descriptor.rows_to_fit(batch.observation[0].size)
-        if self._descriptor.ready or np.count_nonzero(valid) + len(self.archive) >= enough:
-            renewal = self._renewal(batch.only(valid)) if update or not self._descriptor.ready else None
-            status = self._place(batch, readable, renewal, pending.rearranged)
-            self._update_due = update and len(self.archive) == 0
-            self._waiting = None
-            counted = status
-        else:
-            status = np.where(valid, REJECTED, INVALID).astype(np.int8)
+        if not self._descriptor.ready and np.count_nonzero(valid) + len(self.archive) < enough:
+            return self._wait(pending, batch, valid, update)
+        renewal = self._renewal(batch.only(valid)) if update or not self._descriptor.ready else None
+        descriptor = self._descriptor if renewal is None else renewal.descriptor
+        individuals = batch.only(readable)  # what is invalid by its fitness alone is left to the archive
+        described = descriptor.describe(*individuals.sources) if readable.any() else None
+        # Up to here anything may raise, or be interrupted: fitting takes long. From here on the state changes.
+        with uninterrupted():
+            if renewal is not None:
+                self._renew(renewal)
+            status = np.full(len(readable), INVALID, np.int8)
+            if described is not None:
+                status[readable] = self._added(individuals, *described)
+            rows = batch.parent_row if self.archive.rearranged == pending.rearranged else None
+            self.archive.credit(batch.parent_id, status, rows=rows)
+            self._update_due, self._waiting = update and len(self.archive) == 0, None
+            self._done(pending, status)
+        return status[-len(pending.genotype) :]
+
+    def _wait(self, pending: Pending, batch: Batch, valid: np.ndarray, update: bool) -> np.ndarray:
+        """Keep individuals for a later first fit of the descriptor: there are too few."""
+        with uninterrupted():
             self._update_due, self._waiting = update, batch.only(valid).copied()
-            counted = status[~valid]
+            status = np.where(valid, REJECTED, INVALID).astype(np.int8)
+            self._done(pending, status[~valid])
+        return status[-len(pending.genotype) :]
+
+    def _added(self, individuals: Batch, values: np.ndarray, error: np.ndarray | None) -> np.ndarray:
+        return self.archive.add(
+            individuals.genotype,
+            individuals.fitness,
+            individuals.observation,
+            values,
+            ground_truth=individuals.ground_truth,
+            reconstruction_error=error,
+        )
+
+    def _done(self, pending: Pending, status: np.ndarray) -> None:
+        """Count and record a generation in which individuals were given this status."""
         for value, name in _STATUS_NAMES.items():
-            self._counts[name] += int(np.count_nonzero(counted == value))
+            self._counts[name] += int(np.count_nonzero(status == value))
         self._pending = None
         self.generation += 1
         self.evaluations += len(pending.genotype)
         self._seconds += time.perf_counter() - pending.since
         self._record()
-        return status[-len(pending.genotype) :]
-
-    def _place(self, batch: Batch, readable: np.ndarray, renewal: "_Renewal | None", rearranged: int) -> np.ndarray:
-        """Add a batch, after an update of the descriptor if there is one, and credit the parents.
-
-        What is invalid by its fitness alone is left to the archive. `rearranged` is the archive's count when the parents
-        were selected.
-        """
-        individuals = batch.only(readable)
-        descriptor = self._descriptor if renewal is None else renewal.descriptor
-        status = np.full(len(readable), INVALID, np.int8)
-        if len(individuals.genotype):
-            values, error = descriptor.describe(*individuals.sources)
-            # Up to here anything may raise; from here on the state changes.
-            if renewal is not None:
-                self._renew(renewal)
-            status[readable] = self.archive.add(
-                individuals.genotype,
-                individuals.fitness,
-                individuals.observation,
-                values,
-                ground_truth=individuals.ground_truth,
-                reconstruction_error=error,
-            )
-        elif renewal is not None:
-            self._renew(renewal)
-        rows = batch.parent_row if self.archive.rearranged == rearranged else None
-        self.archive.credit(batch.parent_id, status, rows=rows)
-        return status
 
     def _renewal(self, individuals: Batch) -> "_Renewal | None":
         """The descriptor refitted, if it is learned, and all that is stored described by it (paper, Sec. "AURORA").

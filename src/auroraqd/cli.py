@@ -1,9 +1,11 @@
 """The command line. Heavy imports are inside the commands: `auroraqd --help` must answer at once."""
 
 import copy
+import os
 import signal
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +20,8 @@ from auroraqd import __version__
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
     from auroraqd.experiments import Settings
+    from auroraqd.experiments.replication import Job
+    from auroraqd.experiments.variants import Variant
 
 _SAVE_EVERY = 60.0  # s
 
@@ -59,7 +63,16 @@ FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end."
 @app.command()
 def run(
     task: Annotated[str, typer.Argument(help="What the robot does: ballistic.")],
-    descriptor: Annotated[str, typer.Option(help="How behaviours differ: pca (learned), hand-coded or genotype.")] = "pca",
+    descriptor: Annotated[
+        str,
+        typer.Option(
+            help="How behaviours differ: pca or autoencoder (learned), hand-coded, genotype, or observation (all of it). An "
+            "auto-encoder takes options: autoencoder:network=convolutional,isometry=0."
+        ),
+    ] = "pca",
+    pretrained: Annotated[
+        bool, typer.Option("--pretrained", help="Fit the descriptor once, on the prior data set of the task.")
+    ] = False,
     components: Annotated[int, typer.Option(help="Dimensions of a learned descriptor.")] = 2,
     generations: Annotated[int, typer.Option("--generations", "-n", help="Batches to evaluate.")] = 5000,
     batch_size: Annotated[int, typer.Option(help="Evaluations a generation.")] = 200,
@@ -80,6 +93,13 @@ def run(
     schedule: Annotated[
         str, typer.Option(help="When the descriptor is refitted: doubling:first=50, every:generations=100 or never.")
     ] = "doubling",
+    archive: Annotated[
+        str,
+        typer.Option(
+            help="Where behaviours are kept: unstructured, grid:cells=30,low=-1,high=1 (a dimension), "
+            "cvt:cells=10000,samples=200000,steps=5,low=-1,high=1, or cvt-prior."
+        ),
+    ] = "unstructured",
     k: Annotated[int, typer.Option(help="Neighbours that make up the novelty.")] = 15,
     epsilon: Annotated[float, typer.Option(help="Tolerance of the addition rule.")] = 0.1,
     competition: Annotated[str, typer.Option(help="Who stays of two alike: dominance or elitist.")] = "dominance",
@@ -97,6 +117,7 @@ def run(
         task=task,
         descriptor=descriptor,
         components=components,
+        pretrained=pretrained,
         generations=generations,
         batch_size=batch_size,
         seed=seed,
@@ -104,13 +125,14 @@ def run(
         variation=s.strategy("variation", variation),
         resolution=s.strategy("resolution", resolution),
         schedule=s.strategy("schedule", schedule),
+        archive=s.strategy("archive", archive),
         l=l,
         k=k,
         epsilon=epsilon,
         competition=competition,
         capacity=capacity,
     )
-    _run(settings, out or Path("runs") / f"{task}-{descriptor}-{seed}", overwrite, figures)
+    _run(settings, out or Path("runs") / f"{task}-{settings.descriptor_kind}-{seed}", overwrite, figures)
 
 
 @app.command()
@@ -144,11 +166,103 @@ def show(
     _report(folder, figures)
 
 
+@app.command()
+def reproduce(
+    task: Annotated[str, typer.Argument(help="Whose experiment: ballistic.")],
+    replications: Annotated[int, typer.Option(help="Runs of each variant.")] = 20,
+    generations: Annotated[int, typer.Option(help="Generations of 200 evaluations a run.")] = 5000,
+    variants: Annotated[str, typer.Option(help="Which, separated by commas; see docs/reproduction.md.")] = "all",
+    jobs: Annotated[int | None, typer.Option(help="Runs at once. [default: one a core]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Where the results are, and more are added. [default: runs/reproduce-TASK]")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="2 replications of 60 generations, auto-encoders and CVT made small: a minute.")
+    ] = False,
+) -> None:
+    """Repeat an experiment of the paper: all variants, many times, with statistics and figures.
+
+    Runs that are done are skipped, so it can be interrupted and called again. Example: auroraqd reproduce ballistic --quick
+    """
+    from auroraqd.experiments.variants import BALLISTIC, quickened
+
+    if task != "ballistic":
+        raise UserError(f"task must be ballistic, got {task!r}")
+    known = quickened(BALLISTIC) if quick else BALLISTIC
+    names = list(known) if variants == "all" else [name.strip() for name in variants.split(",")]
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise UserError(f"variants must be of {', '.join(known)}, got {', '.join(unknown)}")
+    if quick:
+        replications, generations = min(replications, 2), min(generations, 60)
+    for name, value in (("replications", replications), ("generations", generations), ("jobs", jobs)):
+        if value is not None and value < 1:
+            raise UserError(f"{name} must be 1 or more, got {value}")
+    _reproduce(
+        {name: known[name] for name in known if name in names},
+        replications,
+        generations,
+        jobs or _cores(),
+        out or Path("runs") / f"reproduce-{task}{'-quick' * quick}",
+    )
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _reproduce(variants: "Mapping[str, Variant]", replications: int, generations: int, workers: int, out: Path) -> None:
+    from auroraqd.experiments.ledger import Ledger
+    from auroraqd.experiments.runner import execute, plan
+    from auroraqd.experiments.variants import base
+    from auroraqd.progress import ExperimentProgress
+
+    ledger = Ledger(out)
+    jobs, settings = plan(ledger, list(variants.values()), replications, base(generations))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    console.print(f"{len(jobs)} runs to do, {len(ledger.results)} done before; results in {out}", highlight=False)
+    failed: list[str] = []
+    if jobs:
+        _prepare(settings, jobs)
+        try:
+            with ExperimentProgress(console, len(jobs)) as progress:
+                execute(jobs, settings, ledger, workers, progress)
+                failed = progress.failed
+        except KeyboardInterrupt:
+            errors.print(
+                f"Interrupted; {len(ledger.results)} runs are done and in {out}: the same command goes on", highlight=False
+            )
+            raise typer.Exit(130) from None
+    if not ledger.results:
+        raise UserError(f"no run was completed: {'; '.join(failed)}")
+    from rich.markdown import Markdown
+
+    from auroraqd.report import write_report
+
+    files = write_report(ledger, variants)
+    table = (out / "summary.md").read_text()
+    console.print(Markdown(table) if console.is_terminal else table, highlight=False, soft_wrap=not console.is_terminal)
+    for path in files:
+        console.print(str(path), highlight=False, soft_wrap=True)
+    if failed:
+        raise UserError(f"{len(failed)} runs were given up, the same command tries them again: {'; '.join(failed)}")
+
+
+def _prepare(settings: "Mapping[str, Settings]", jobs: "Sequence[Job]") -> None:
+    """What is the same for all runs, once: centroids are found and kept on disk, kernels compiled."""
+    needed = {job.variant for job in jobs}
+    with console.status("preparing: kernels, centroids") if console.is_terminal else nullcontext():
+        for name in needed:
+            settings[name].build()
+        _compile(next(iter(settings.values())))
+
+
 def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> None:
     _check_free(out, overwrite)
     task, aurora = settings.build()
     out.mkdir(parents=True, exist_ok=True)
     from auroraqd._interrupts import uninterrupted
+    from auroraqd.autoencoder import listening
     from auroraqd.descriptor import DescriptorError
     from auroraqd.progress import RunProgress
     from auroraqd.storage import save
@@ -161,7 +275,7 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
     try:
         with console.status("compiling, which takes some 10 s the first time") if console.is_terminal else nullcontext():
             _compile(settings)
-        with RunProgress(console, settings.generations) as progress:
+        with RunProgress(console, settings.generations) as progress, listening(progress.training):
             saving = _Saving(out, settings.as_json())
 
             def after_each(aurora: "Aurora") -> None:
@@ -210,7 +324,10 @@ class _Saving:
 
 def _compile(settings: "Settings") -> None:
     """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
-    task, aurora = replace(settings, batch_size=max(settings.batch_size, 20), capacity=None).build()
+    from auroraqd.experiments.settings import PCA, Unstructured
+
+    kernels = replace(settings, descriptor=PCA, components=1, pretrained=False, archive=Unstructured(), capacity=None)
+    task, aurora = replace(kernels, batch_size=max(settings.batch_size, 20)).build()
     aurora.run(task, generations=3)
     copy.deepcopy(aurora.archive)  # builds its index anew, as long runs do now and then
 

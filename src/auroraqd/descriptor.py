@@ -1,8 +1,8 @@
 """Behavioural descriptors: the few numbers that say how two behaviours differ.
 
-A descriptor is read off the ground truth (a hand-coded descriptor), off the genotype, or learned from the observations by
-any object with scikit-learn's `fit` and `transform`. This module turns each into one immutable value, `Descriptor`, which
-Aurora replaces when it is refitted.
+A descriptor is read off the ground truth (a hand-coded descriptor), off the genotype, is the whole observation, or is learned
+from the observations by any object with scikit-learn's `fit` and `transform`. This module turns each into one immutable
+value, `Descriptor`, which Aurora replaces when it is refitted.
 """
 
 import copy
@@ -13,9 +13,12 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from auroraqd._checks import finite_rows
+from auroraqd.scaling import Scaler, Scaling
 
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"
+OBSERVATION = "observation"
+NAMES = (HAND_CODED, GENOTYPE, OBSERVATION)
 
 
 class DescriptorError(ValueError):
@@ -24,7 +27,10 @@ class DescriptorError(ValueError):
 
 @runtime_checkable
 class Transformer(Protocol):
-    """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions."""
+    """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions.
+
+    One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead.
+    """
 
     def fit(self, x: np.ndarray) -> Any:
         """Learn from x, (n, features)."""
@@ -33,46 +39,6 @@ class Transformer(Protocol):
     def transform(self, x: np.ndarray) -> np.ndarray:
         """Map x, (n, features), to descriptors, (n, d)."""
         ...
-
-
-class Scaling(NamedTuple):
-    """Each channel (last axis) of an observation from its range to [-1, 1]; a constant channel to 0.
-
-    Attributes:
-        low, high: (channels,) float64.
-    """
-
-    low: np.ndarray
-    high: np.ndarray
-
-    @classmethod
-    def of(cls, observation: np.ndarray) -> "Scaling":
-        """The range of each channel of (n, ..., channels)."""
-        channels = _channels(observation)
-        return cls(channels.min(axis=0).astype(np.float64), channels.max(axis=0).astype(np.float64))
-
-    def scaler(self, features: int) -> "_Scaler":
-        """What scales observations of this many features in all."""
-        half = self.high / 2 - self.low / 2
-        factor = 1 / np.where(half > np.finfo(np.float64).tiny, half, 1.0)
-        repeats = features // len(factor)
-        return _Scaler(np.tile(self.high / 2 + self.low / 2, repeats), np.tile(factor, repeats))
-
-
-def _channels(observation: np.ndarray) -> np.ndarray:
-    return observation.reshape(-1, observation.shape[-1] if observation.ndim > 1 else 1)
-
-
-class _Scaler(NamedTuple):
-    """(n, ...) observations to (n, features) float64, scaled. One entry a feature, not a channel: it is faster."""
-
-    center: np.ndarray
-    factor: np.ndarray
-
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        flat = observation.reshape(len(observation), -1) - self.center
-        flat *= self.factor
-        return flat
 
 
 class _Affine(NamedTuple):
@@ -90,18 +56,20 @@ class Descriptor:
     """How to describe individuals. Immutable: `refitted` gives a new one.
 
     Args:
-        source: "hand-coded" (the ground truth), "genotype", or a learned descriptor: a fitted or unfitted `Transformer`.
-        scaling: of the observations it was fitted on; None while unfitted, and for descriptors that are not learned.
+        source: "hand-coded" (the ground truth), "genotype", "observation" (all of it, scaled and flattened), or a learned
+            descriptor: a fitted or unfitted `Transformer`.
+        scaling: of the observations it was fitted on; None while unfitted, and for descriptors that do not read them.
     """
 
     source: str | Transformer
     scaling: Scaling | None = None
-    flatten: Any = None  # observations, (n, ...), to what the transformer reads: scaled, (n, features)
+    shape: tuple[int, ...] = ()  # of one observation
+    scaler: Scaler | None = None  # observations, (n, ...), to (n, features)
     encode: Any = None  # (n, features) to descriptors: the transformer's own, or folded into one matrix
     decode: Any = None  # descriptors to (n, features), or None
 
     def __str__(self) -> str:
-        return f"the transform of {type(self.source).__name__}" if self.learned else f"{self.source!r}"
+        return f"{self.source!r}" if isinstance(self.source, str) else f"the transform of {type(self.source).__name__}"
 
     @classmethod
     def checked(cls, source: "str | Transformer", rng: np.random.Generator) -> "Descriptor":
@@ -111,19 +79,19 @@ class Descriptor:
         seed of Aurora reproduces the run.
         """
         if isinstance(source, str):
-            if source not in (HAND_CODED, GENOTYPE):
-                raise ValueError(f"descriptor must be {HAND_CODED!r}, {GENOTYPE!r} or a transformer, got {source!r}")
+            if source not in NAMES:
+                raise ValueError(f"descriptor must be one of {', '.join(NAMES)}, or a transformer, got {source!r}")
             return cls(source)
         if isinstance(source, type) or not isinstance(source, Transformer):
             raise TypeError(
-                f"descriptor must be {HAND_CODED!r}, {GENOTYPE!r} or an object with fit and transform, got {source!r}"
+                f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {source!r}"
             )
         return cls(_seeded(copy.deepcopy(source), rng))
 
     @property
     def learned(self) -> bool:
-        """Whether it is fitted on observations."""
-        return not isinstance(self.source, str)
+        """Whether it is fitted on observations. Of "observation", that is the scaling."""
+        return self.source not in (HAND_CODED, GENOTYPE)
 
     @property
     def ready(self) -> bool:
@@ -132,6 +100,8 @@ class Descriptor:
 
     def rows_to_fit(self, features: int) -> int:
         """The fewest observations that can be fitted: one more than the components, where the transformer has a number."""
+        if isinstance(self.source, str):
+            return 1
         last = self.source.steps[-1][1] if hasattr(self.source, "steps") else self.source  # type: ignore[union-attr]
         components = getattr(last, "n_components", 1)
         return 1 + min(int(components), features) if isinstance(components, int | np.integer) else 2
@@ -148,25 +118,31 @@ class Descriptor:
         Raises:
             DescriptorError: the transformer cannot be fitted.
         """
+        scaling, shape = Scaling.of(observation), observation.shape[1:]
+        if isinstance(self.source, str):
+            return self.restored(scaling, shape)
         transformer: Any = copy.deepcopy(self.source)
-        scaling = Scaling.of(observation)
         x = scaling.scaler(observation[0].size)(observation)
+        x = x.reshape(observation.shape) if _natural(transformer) else x
         try:
             transformer.fit(x)
         except Exception as error:
             name = type(transformer).__name__
             raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
-        return Descriptor(transformer).restored(scaling, observation[0].size)
+        return Descriptor(transformer).restored(scaling, shape)
 
-    def restored(self, scaling: Scaling, features: int) -> "Descriptor":
-        """The descriptor of a transformer that has been fitted on observations scaled like this."""
-        transformer: Any = self.source
-        encode, decode = transformer.transform, _inverse(transformer, features)
-        if _is_affine(transformer):
+    def restored(self, scaling: Scaling, shape: tuple[int, ...]) -> "Descriptor":
+        """The descriptor of a transformer that has been fitted on observations of this shape, scaled like this."""
+        features = math.prod(shape)
+        fitted = replace(self, scaling=scaling, shape=shape, scaler=scaling.scaler(features))
+        if isinstance(self.source, str):
+            return replace(fitted, encode=_unchanged)
+        encode, decode = _functions(self.source, shape)
+        if _is_affine(self.source):
             # A call of a scikit-learn pipeline costs as much as everything else in a generation; a product, 1% of that.
             encode = _affine(encode, features)
             decode = decode and _affine(decode, encode.weight.shape[1])
-        return replace(self, scaling=scaling, flatten=scaling.scaler(features), encode=encode, decode=decode)
+        return replace(fitted, encode=encode, decode=decode)
 
     def describe_observation(self, observation: np.ndarray) -> np.ndarray:
         """Descriptors, (n, d) float64, of observations, (n, ...).
@@ -180,6 +156,16 @@ class Descriptor:
         if not self.ready:
             raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
         return self._encoded(self._flat(observation))
+
+    def reconstruct(self, z: np.ndarray) -> np.ndarray:
+        """Observations, (n, ...) float64 in the units of the task, reconstructed from descriptors, (n, d).
+
+        Raises:
+            RuntimeError: the descriptor is not learned, not fitted yet, or cannot reconstruct.
+        """
+        if self.decode is None or self.scaler is None:
+            raise RuntimeError(f"{self} cannot reconstruct observations: it has no inverse, or has not been fitted yet")
+        return self.scaler.inverse(np.asarray(self.decode(np.asarray(z, np.float64)), np.float64)).reshape(len(z), *self.shape)
 
     def describe(
         self, genotype: np.ndarray, observation: np.ndarray, ground_truth: np.ndarray | None
@@ -204,13 +190,14 @@ class Descriptor:
         return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:
-        features = len(self.flatten.center)
+        assert self.scaler is not None  # it is ready
+        features = len(self.scaler.center)
         if observation.ndim == 0 or math.prod(observation.shape[1:]) != features:
             raise DescriptorError(
                 f"observation must have shape (n, ...) with {features} entries a row, as the descriptor was fitted on, "
                 f"got {observation.shape}"
             )
-        return self.flatten(observation)
+        return self.scaler(observation)
 
     def _encoded(self, x: np.ndarray) -> np.ndarray:
         try:
@@ -238,13 +225,40 @@ def _seeded(transformer: Any, rng: np.random.Generator) -> Any:
     return transformer
 
 
-def _inverse(transformer: Any, features: int) -> Any:
-    """The transformer's `inverse_transform` where it has one that works: some have it for some settings only."""
-    inverse = getattr(transformer, "inverse_transform", None)
+def _natural(transformer: Any) -> bool:
+    """Whether the transformer takes observations in the shape of the task."""
+    return bool(getattr(transformer, "natural_shape", False))
+
+
+def _unchanged(x: np.ndarray) -> np.ndarray:
+    return x
+
+
+def _functions(transformer: Any, shape: tuple[int, ...]) -> tuple[Any, Any]:
+    """`transform` and `inverse_transform` of a fitted transformer as functions of and to (n, features).
+
+    The second is None where there is none that works: some transformers have one for some settings only.
+    """
+    encode, decode = transformer.transform, getattr(transformer, "inverse_transform", None)
+    if _natural(transformer):
+        encode = _Composed(encode, before=shape)
+        decode = decode and _Composed(decode, after=(math.prod(shape),))
     try:
-        return inverse if inverse is None or inverse(transformer.transform(np.zeros((1, features)))).shape[1] else None
+        return encode, decode if decode is None or decode(encode(np.zeros((1, math.prod(shape))))).shape[1] else None
     except Exception:
-        return None
+        return encode, None
+
+
+class _Composed(NamedTuple):
+    """A function of rows that are reshaped before it, or whose results are reshaped after it."""
+
+    function: Any
+    before: tuple[int, ...] | None = None
+    after: tuple[int, ...] | None = None
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        rows = self.function(rows if self.before is None else rows.reshape(len(rows), *self.before))
+        return rows if self.after is None else rows.reshape(len(rows), *self.after)
 
 
 def _affine(function: Any, features: int) -> _Affine:

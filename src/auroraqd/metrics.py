@@ -1,12 +1,15 @@
-"""Metrics of the paper: how well a repertoire covers a reference."""
+"""Metrics of the paper: how well a repertoire covers a reference, how well observations are reconstructed."""
 
 import numpy as np
 
 from auroraqd._checks import whole
 
+_EMPTY = 1e-8  # what the probability of an empty bin of the compared repertoire counts as
+_MOST_BINS = 10**8
 
-def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30) -> float:
-    """Kullback-Leibler coverage, D_KL(reference || compared), over a joint histogram (paper, Eq. 1).
+
+def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30, *, marginal: bool = False) -> float:
+    """Kullback-Leibler coverage, D_KL(reference || compared), over a histogram (paper, Eq. 1).
 
     The histogram has `bins` bins in each dimension over the bounding box of the reference. A bin that the compared repertoire
     leaves empty counts as a probability of 1e-8. Individuals of the compared repertoire outside the box are not
@@ -15,22 +18,36 @@ def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30) -> float:
     Args:
         reference: (n, d), for instance the ground truth of a repertoire grown with the hand-coded descriptor.
         compared: (m, d), likewise of the repertoire to judge.
+        bins: in each dimension.
+        marginal: whether to add up the coverages of each dimension alone, instead of one joint histogram. The paper does not
+            say which it means; the joint one sees what the marginal ones cannot.
 
     Returns:
         0 when the two are distributed alike, larger the worse the reference is covered.
 
     Raises:
-        ValueError: not two-dimensional, empty, NaN, or of different d.
+        ValueError: not two-dimensional, empty, NaN, or of different d; or a joint histogram of more than 10^8 bins.
     """
     bins = whole("bins", bins)
     reference, compared = _points("reference", reference), _points("compared", compared)
-    if reference.shape[1] != compared.shape[1]:
+    d = reference.shape[1]
+    if d != compared.shape[1]:
         raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
+    if marginal:
+        return sum(_divergence(reference[:, i : i + 1], compared[:, i : i + 1], bins) for i in range(d))
+    if bins**d > _MOST_BINS:
+        raise ValueError(
+            f"a joint histogram of {bins} bins in each of {d} dimensions is too large: use marginal=True or fewer bins"
+        )
+    return _divergence(reference, compared, bins)
+
+
+def _divergence(reference: np.ndarray, compared: np.ndarray, bins: int) -> float:
     box = list(zip(reference.min(axis=0), reference.max(axis=0), strict=True))
     e, _ = np.histogramdd(reference, bins, box)
     a, _ = np.histogramdd(compared, bins, box)
     e /= e.sum()
-    a = np.maximum(a / max(a.sum(), 1), 1e-8)
+    a = np.maximum(a / max(a.sum(), 1), _EMPTY)
     covered = e > 0
     return float(np.sum(e[covered] * np.log(e[covered] / a[covered])))  # Eq. 1
 
@@ -39,6 +56,21 @@ def outside(reference: np.ndarray, compared: np.ndarray) -> float:
     """The share of the compared repertoire, (m, d), outside the bounding box of the reference, (n, d)."""
     reference, compared = _points("reference", reference), _points("compared", compared)
     return float(((compared < reference.min(axis=0)) | (compared > reference.max(axis=0))).any(axis=1).mean())
+
+
+def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) -> np.ndarray:
+    """Root mean square error over the entries of each observation, (n, ...) and (n, ...) to (n,), in their units.
+
+    Raises:
+        ValueError: not of one shape.
+    """
+    observation, reconstruction = np.asarray(observation, np.float64), np.asarray(reconstruction, np.float64)
+    if observation.shape != reconstruction.shape or observation.ndim < 2:
+        raise ValueError(
+            f"observation and reconstruction must have one shape (n, ...), got {observation.shape} and {reconstruction.shape}"
+        )
+    difference = (reconstruction - observation).reshape(len(observation), -1)
+    return np.sqrt((difference**2).mean(axis=1))
 
 
 def _points(name: str, values: np.ndarray) -> np.ndarray:

@@ -87,6 +87,18 @@ class Repertoire:
             RuntimeError: the descriptor is not learned.
             ValueError: wrong shape; or the transformer is of a type that is not trusted, see `auroraqd.load`.
         """
+        return self._loaded().describe_observation(np.asarray(observation))
+
+    def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
+        """Observations, (n, ...) in the units of the task, that the learned descriptor expects at descriptors, (n, d).
+
+        Raises:
+            RuntimeError: the descriptor is not learned, or has no `inverse_transform`.
+            ValueError: the transformer is of a type that is not trusted, see `auroraqd.load`.
+        """
+        return self._loaded().reconstruct(np.asarray(descriptor, np.float64))
+
+    def _loaded(self) -> Descriptor:
         if self._descriptor is None:
             self._descriptor = self._load_descriptor()
-        return self._descriptor.describe_observation(np.asarray(observation))
+        return self._descriptor

@@ -10,7 +10,6 @@ one. Loading runs no code from a file: arrays are safetensors, scikit-learn esti
 unpickled.
 """
 
-import contextlib
 import csv
 import io
 import json
@@ -19,7 +18,7 @@ import os
 import platform
 import warnings
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -29,15 +28,18 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as save_tensors
 
+from auroraqd._files import replacing
 from auroraqd.aurora import Aurora
-from auroraqd.descriptor import Descriptor, Scaling
+from auroraqd.descriptor import OBSERVATION, Descriptor
 from auroraqd.history import Record
 from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
+from auroraqd.scaling import Scaling
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
 FIGURE_FILES = tuple(f"{name}.{suffix}" for name in ("repertoire", "history") for suffix in ("png", "svg"))
 _FORMAT = "auroraqd repertoire 1"  # the one metadata key: with several, safetensors writes them in any order
 _LEARNED = "learned"
+_TRUSTED = ("auroraqd.autoencoder.AutoEncoder",)  # beyond scikit-learn's
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba")
 
 
@@ -168,10 +170,10 @@ def _history_csv(records: Sequence[Record]) -> str:
 def _repertoire_bytes(aurora: Aurora) -> bytes:
     archive, descriptor = aurora.archive, aurora.descriptor
     arrays = {name: getattr(archive, name) for name in (*REQUIRED, *OPTIONAL) if getattr(archive, name) is not None}
-    kind = _LEARNED if descriptor.learned else str(descriptor.source)
-    if descriptor.learned and descriptor.scaling is not None:
+    kind = descriptor.source if isinstance(descriptor.source, str) else _LEARNED
+    if descriptor.scaling is not None:
         arrays["scaling.low"], arrays["scaling.high"] = descriptor.scaling
-        transformer = _transformer_bytes(descriptor.source)
+        transformer = None if isinstance(descriptor.source, str) else _transformer_bytes(descriptor.source)
         if transformer is not None:
             arrays["transformer.skops"] = np.frombuffer(transformer, np.uint8)
     return save_tensors({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {_FORMAT: kind})
@@ -221,15 +223,17 @@ def _canonical(content: bytes) -> bytes:
 def _load_descriptor(
     kind: str, arrays: Mapping[str, np.ndarray], columns: Mapping[str, np.ndarray], trusted: Sequence[str]
 ) -> Descriptor:
+    shape = columns["observation"].shape[1:]
     if kind != _LEARNED:
-        return Descriptor(kind)
+        named = Descriptor(kind)
+        return named.restored(Scaling(arrays["scaling.low"], arrays["scaling.high"]), shape) if kind == OBSERVATION else named
     if "transformer.skops" not in arrays:
         raise ValueError("the repertoire was saved without its transformer")
     import skops.io
     from skops.io.exceptions import UntrustedTypesFoundException
 
     try:
-        transformer = skops.io.loads(arrays["transformer.skops"].tobytes(), trusted=list(trusted))
+        transformer = skops.io.loads(arrays["transformer.skops"].tobytes(), trusted=[*_TRUSTED, *trusted])
     except UntrustedTypesFoundException as error:
         raise ValueError(
             f"the descriptor needs types that are not trusted. {error}. If you trust them: load(folder, trusted=[...])"
@@ -237,7 +241,7 @@ def _load_descriptor(
     except (ImportError, AttributeError) as error:
         raise ValueError(f"the descriptor needs a type that cannot be imported here: {error}") from None
     scaling = Scaling(arrays["scaling.low"], arrays["scaling.high"])
-    return Descriptor(transformer).restored(scaling, math.prod(columns["observation"].shape[1:]))
+    return Descriptor(transformer).restored(scaling, shape)
 
 
 def _existing(folder: str | os.PathLike, name: str) -> Path:
@@ -255,29 +259,3 @@ def _write(path: Path, content: bytes) -> None:
             file.write(content)
     except OSError as error:
         raise OSError(f"{path} could not be written: {error.strerror}") from error
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Any]:
-    """A binary file that takes the place of `path` when it is complete and on disk, and not before."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    _sync_folder(path.parent)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the move itself last; not every system can open a folder."""
-    with contextlib.suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)

@@ -72,6 +72,18 @@ def test_batch_equals_one_by_one(make):
         assert_array_equal(getattr(together, name), getattr(apart, name))
 
 
+def test_redescribe_by_a_column_of_its_own(archive):
+    """The hand-coded descriptor is a view of the ground truth, that of the genotype one of the genotype."""
+    rows = individuals(300)
+    for _ in range(3):  # replacements bring rows out of the order of ids
+        archive.add(**{**rows, "fitness": rows["fitness"] + archive.fitness.sum()}, ground_truth=rows["descriptor"])
+    assert (np.diff(archive.id) < 0).any()
+    archive.redescribe(archive.ground_truth)
+    assert_array_equal(archive.descriptor, archive.ground_truth)
+    archive.redescribe(archive.genotype[:, :2])
+    assert_array_equal(archive.descriptor, archive.genotype[:, :2])
+
+
 def test_columns_are_read_only_and_keep_dtype(archive):
     archive.add(**individuals(20, dtype=np.uint8))
     assert archive.observation.dtype == np.uint8

@@ -1,23 +1,109 @@
 """The settings of one run as a value: from the command line, to JSON, and back to an `Aurora` ready to go."""
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
+import numpy as np
+
 from auroraqd import resolution, schedule, selection, variation
-from auroraqd._checks import whole
-from auroraqd.archive import UnstructuredArchive
+from auroraqd._checks import number, whole
+from auroraqd.archive import Archive, UnstructuredArchive
 from auroraqd.aurora import Aurora
+from auroraqd.cells import GridArchive
+from auroraqd.cvt import CVTArchive, tessellate
+from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
+from auroraqd.scaling import Scaling
 from auroraqd.storage import as_json
 from auroraqd.tasks import Ballistic
 
 TASKS = {"ballistic": Ballistic}
-DESCRIPTORS = ("pca", "hand-coded", "genotype")
+PCA, AUTOENCODER = "pca", "autoencoder"
+DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
+_COMPETITION = ("k", "epsilon", "competition", "capacity", "l")
+
+
+@dataclass(frozen=True)
+class Unstructured:
+    """An `UnstructuredArchive`; its parameters are settings of their own."""
+
+    def build(self, settings: "Settings", task: Any) -> Archive:
+        """The archive, empty."""
+        return UnstructuredArchive(**{name: getattr(settings, name) for name in _COMPETITION})
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A `GridArchive` with as many cells along each dimension of the descriptor.
+
+    Args:
+        cells: along each dimension.
+        low, high: bounds of every dimension.
+    """
+
+    cells: int = 30
+    low: float = -1.0
+    high: float = 1.0
+
+    def __post_init__(self) -> None:
+        whole("cells", self.cells)
+        number("low", self.low, least=-np.inf, wanted="any")
+        number("high", self.high, least=-np.inf, wanted="any")
+
+    def build(self, settings: "Settings", task: Any) -> Archive:
+        """The archive, empty."""
+        return GridArchive((self.cells,) * _dimensions(settings, task), low=self.low, high=self.high)
+
+
+@dataclass(frozen=True)
+class CVT:
+    """A `CVTArchive` with centroids spread evenly in the box of descriptors.
+
+    Args:
+        cells: centroids.
+        samples: of the box, that they are made of.
+        steps: Lloyd steps.
+        low, high: bounds of every dimension of the descriptor.
+    """
+
+    cells: int = 10_000
+    samples: int = 200_000
+    steps: int = 5
+    low: float = -1.0
+    high: float = 1.0
+
+    def __post_init__(self) -> None:
+        whole("cells", self.cells)
+        whole("samples", self.samples, least=self.cells)
+        whole("steps", self.steps)
+        number("low", self.low, least=-np.inf, wanted="any")
+        number("high", self.high, least=self.low, wanted="at least low")
+
+    def build(self, settings: "Settings", task: Any) -> Archive:
+        """The archive, empty. The centroids are the same for every seed of a run, and found again on disk."""
+        samples = np.random.default_rng(0).uniform(self.low, self.high, (self.samples, _dimensions(settings, task)))
+        return CVTArchive(tessellate(samples, self.cells, steps=self.steps))
+
+
+@dataclass(frozen=True)
+class CVTPrior:
+    """A `CVTArchive` whose centroids are the distinct observations of the task's prior data set."""
+
+    def build(self, settings: "Settings", task: Any) -> Archive:
+        """The archive, empty."""
+        if settings.descriptor != OBSERVATION or not settings.pretrained:
+            raise ValueError("archive 'cvt-prior' is for descriptor 'observation', pretrained")
+        prior = task.prior()
+        return CVTArchive(Scaling.of(prior).scaler(prior[0].size)(prior))
+
+
 STRATEGIES = {
     "selection": {"curiosity": selection.Curiosity, "uniform": selection.Uniform},
     "variation": {"polynomial": variation.Polynomial, "gaussian": variation.Gaussian, "iso-line": variation.IsoLine},
     "resolution": {"vat": resolution.VAT, "fixed": resolution.Fixed},
     "schedule": {"doubling": schedule.Doubling, "every": schedule.Every, "never": schedule.Never},
+    "archive": {"unstructured": Unstructured, "grid": Grid, "cvt": CVT, "cvt-prior": CVTPrior},
 }
 
 
@@ -27,17 +113,20 @@ class Settings:
 
     Args:
         task: a name of `TASKS`.
-        descriptor: a name of `DESCRIPTORS`.
+        descriptor: a name of `DESCRIPTORS`; "autoencoder" with parameters of `AutoEncoder` if wanted, written like
+            "autoencoder:network=convolutional,isometry=0,hidden=64x32".
         components: dimensions of a learned descriptor.
+        pretrained: whether the descriptor is fitted once, on the prior data set of the task.
         generations, batch_size: the budget.
         seed: of all that is random.
-        selection, variation, resolution, schedule: strategies.
-        l, k, epsilon, competition, capacity: of the archive; l only matters where the resolution never sets it.
+        selection, variation, resolution, schedule, archive: strategies.
+        l, k, epsilon, competition, capacity: of an unstructured archive; l only matters where the resolution never sets it.
     """
 
     task: str = "ballistic"
-    descriptor: str = "pca"
+    descriptor: str = PCA
     components: int = 2
+    pretrained: bool = False
     generations: int = 5000
     batch_size: int = 200
     seed: int = 0
@@ -45,6 +134,7 @@ class Settings:
     variation: Any = field(default_factory=variation.Polynomial)
     resolution: Any = field(default_factory=resolution.VAT)
     schedule: Any = field(default_factory=schedule.Doubling)
+    archive: Any = field(default_factory=Unstructured)
     l: float = 0.0
     k: int = 15
     epsilon: float = 0.1
@@ -54,11 +144,19 @@ class Settings:
     def __post_init__(self) -> None:
         if self.task not in TASKS:
             raise ValueError(f"task must be one of {', '.join(TASKS)}, got {self.task!r}")
-        if self.descriptor not in DESCRIPTORS:
+        kind = self.descriptor_kind
+        if kind not in DESCRIPTORS or (kind != AUTOENCODER and kind != self.descriptor):
             raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
         for name in ("components", "generations", "batch_size"):
             whole(name, getattr(self, name))
         whole("seed", self.seed, least=0)
+        if self.pretrained and kind in (HAND_CODED, GENOTYPE):
+            raise ValueError(f"pretrained is for descriptors that are learned, not for {kind!r}")
+
+    @property
+    def descriptor_kind(self) -> str:
+        """The descriptor without its parameters."""
+        return self.descriptor.partition(":")[0]
 
     def build(self) -> tuple[Any, Aurora]:
         """The task, and an Aurora at generation 0.
@@ -67,32 +165,38 @@ class Settings:
             ValueError: a setting is out of range.
         """
         task = TASKS[self.task]()
-        archive = UnstructuredArchive(
-            l=self.l,
-            k=self.k,
-            epsilon=self.epsilon,
-            competition=self.competition,
-            capacity=self.capacity,
-        )
         aurora = Aurora(
             task.n_genes,
             self._transformer(),
             seed=self.seed,
             batch_size=self.batch_size,
-            archive=archive,
+            archive=self.archive.build(self, task),
             selection=self.selection,
             variation=self.variation,
             resolution=self.resolution,
             schedule=self.schedule,
+            prior=self._prior(task),
         )
         return task, aurora
 
     def _transformer(self) -> Any:
-        if self.descriptor != "pca":
-            return self.descriptor
-        from sklearn.decomposition import PCA
+        if self.descriptor == PCA:
+            from sklearn.decomposition import PCA as Estimator
 
-        return PCA(n_components=self.components)
+            return Estimator(n_components=self.components)
+        if self.descriptor_kind == AUTOENCODER:
+            from auroraqd.autoencoder import AutoEncoder
+
+            options = self.descriptor.partition(":")[2]
+            return AutoEncoder(self.components, **_parameters("descriptor 'autoencoder'", AutoEncoder, options))
+        return self.descriptor
+
+    def _prior(self, task: Any) -> np.ndarray | None:
+        if self.pretrained:
+            return task.prior()
+        # The cells of an archive stay where they are, so the scaling of whole observations must too.
+        fixed = self.descriptor == OBSERVATION and not isinstance(self.archive, Unstructured)
+        return task.bounds() if fixed else None
 
     def as_json(self) -> dict[str, Any]:
         """As JSON values."""
@@ -123,11 +227,22 @@ class Settings:
         return cls(**given)
 
 
+def _dimensions(settings: Settings, task: Any) -> int:
+    """Of the descriptor. Only of one whose bounds are known beforehand."""
+    if settings.descriptor == OBSERVATION:
+        return int(np.prod(task.bounds().shape[1:]))
+    if settings.descriptor == GENOTYPE:
+        return task.n_genes
+    if settings.descriptor == HAND_CODED:
+        return int(task(np.full((1, task.n_genes), 0.5)).ground_truth.shape[1])
+    return settings.components
+
+
 def strategy(name: str, text: str) -> Any:
     """A strategy from its text: a name, and options if any, like `polynomial:rate=0.2,eta=5`.
 
     Args:
-        name: "selection", "variation", "resolution" or "schedule".
+        name: a key of `STRATEGIES`.
         text: what the user wrote.
 
     Raises:
@@ -138,17 +253,34 @@ def strategy(name: str, text: str) -> Any:
     if kind not in kinds:
         raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {kind!r}")
     types = {f.name: f.type for f in fields(kinds[kind])}
-    given = {}
-    for option in filter(None, options.split(",")):
-        key, _, value = option.partition("=")
-        if key not in types:
-            wanted = ", ".join(types) or "none"
-            raise ValueError(f"{name} {kind!r} has no option {key!r}; its options are: {wanted}")
-        given[key] = _value(f"{name} {kind!r}: {key}", types[key], value)
+    given = {
+        key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)
+    }
     missing = [f.name for f in fields(kinds[kind]) if f.default is MISSING and f.name not in given]
     if missing:
         raise ValueError(f"{name} {kind!r} needs {missing[0]}: write {kind}:{missing[0]}=VALUE")
     return kinds[kind](**given)
+
+
+def _parameters(owner: str, kind: type, options: str) -> dict[str, Any]:
+    """Keyword parameters of a class from their text, each of the type of its default."""
+    defaults = {
+        name: parameter.default
+        for name, parameter in inspect.signature(kind).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and name not in ("random_state", "verbose")
+    }
+    return {key: _value(f"{owner}: {key}", type(defaults[key]), value) for key, value in _options(owner, defaults, options)}
+
+
+def _options(owner: str, known: Mapping[str, Any], text: str) -> list[tuple[str, str]]:
+    """Keys and values of `key=value,key=value`."""
+    pairs = []
+    for option in filter(None, text.split(",")):
+        key, _, value = option.partition("=")
+        if key not in known:
+            raise ValueError(f"{owner} has no option {key!r}; its options are: {', '.join(known) or 'none'}")
+        pairs.append((key, value))
+    return pairs
 
 
 def _value(name: str, kind: Any, text: str) -> Any:
@@ -157,6 +289,7 @@ def _value(name: str, kind: Any, text: str) -> Any:
             raise ValueError(f"{name} must be true or false, got {text!r}")
         return text.lower() == "true"
     try:
-        return kind(text)
+        return tuple(int(part) for part in text.split("x")) if kind is tuple else kind(text)
     except ValueError:
-        raise ValueError(f"{name} must be {'a whole number' if kind is int else 'a number'}, got {text!r}") from None
+        wanted = {int: "a whole number", tuple: "whole numbers like 64x32"}.get(kind, "a number")
+        raise ValueError(f"{name} must be {wanted}, got {text!r}") from None

@@ -14,12 +14,13 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from auroraqd import storage
+from auroraqd._files import replacing
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
 
 _CORNERS = np.array([[[38, 70, 160], [0, 160, 135]], [[200, 40, 120], [245, 180, 30]]]) / 255  # [x, y] of the unit square
 _MOST_TRAJECTORIES = 600
-_STYLE: Any = {
+STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.titlesize": 11,
@@ -41,13 +42,16 @@ def write_figures(folder: str | Path) -> list[Path]:
     figures = {"history": history_figure(records)}
     if len(repertoire):
         figures = {"repertoire": repertoire_figure(repertoire), **figures}
+    return [path for name, figure in figures.items() for path in save_figure(figure, target, name)]
+
+
+def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
+    """Write a figure as PNG and as SVG; returns the files."""
     written = []
-    for name, figure in figures.items():
-        for path in (target / file for file in storage.FIGURE_FILES if file.startswith(name)):
-            suffix = path.suffix[1:]
-            with storage.replacing(path) as file, mpl.rc_context(_STYLE):
-                figure.savefig(file, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
-            written.append(path)
+    for suffix in ("png", "svg"):
+        written.append(folder / f"{name}.{suffix}")
+        with replacing(written[-1]) as file, mpl.rc_context(STYLE):
+            figure.savefig(file, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
     return written
 
 
@@ -62,7 +66,7 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
         colors, key = two_dimensional_colors(_plane(repertoire)), "descriptor space"
     if repertoire.observation.ndim == 3 and repertoire.observation.shape[2] == 2:
         panels.append(("Trajectories", _draw_trajectories))
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4 * len(panels), 4.4), layout="constrained")
         figure.suptitle(f"{len(repertoire):,} individuals; an individual has the colour of its place in {key}", fontsize=11)
         for axes, (title, draw) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
@@ -84,7 +88,7 @@ def history_figure(records: Sequence[Record]) -> Figure:
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
     if not np.ptp(columns.get("mean_fitness", np.zeros(1))):  # a constant fitness, for pure exploration
         columns.pop("mean_fitness", None)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4 * max(len(columns), 1), 3.2), layout="constrained")
         panels = figure.subplots(1, max(len(columns), 1), squeeze=False)[0]
         for axes, (name, values) in zip(panels, columns.items(), strict=False):
@@ -96,10 +100,11 @@ def history_figure(records: Sequence[Record]) -> Figure:
     return figure
 
 
-def two_dimensional_colors(places: np.ndarray) -> np.ndarray:
-    """A colour for each place, (n, 2) to (n, 3): four corners, blended, over the box of the places."""
-    low, high = places.min(axis=0), places.max(axis=0)
-    x, y = ((places - low) / np.where(high > low, high - low, 1)).T[..., None]
+def two_dimensional_colors(places: np.ndarray, box: np.ndarray | None = None) -> np.ndarray:
+    """A colour for each place, (n, 2) to (n, 3): four corners, blended, over the box of the places or of others, (m, 2)."""
+    box = places if box is None else box
+    low, extent = box.min(axis=0), np.ptp(box, axis=0)
+    x, y = ((places - low) / np.where(extent > 0, extent, 1)).T[..., None]
     bottom = (1 - x) * _CORNERS[0, 0] + x * _CORNERS[1, 0]
     top = (1 - x) * _CORNERS[0, 1] + x * _CORNERS[1, 1]
     return np.clip((1 - y) * bottom + y * top, 0, 1)
@@ -112,7 +117,7 @@ def _plane(repertoire: Repertoire) -> np.ndarray:
 
 
 def _draw_descriptors(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
-    _scatter(axes, _plane(repertoire), colors)
+    scatter(axes, _plane(repertoire), colors)
     d = repertoire.descriptor.shape[1]
     axes.set(xlabel="descriptor 1", ylabel="descriptor 2" if d > 1 else "fitness")
     if d > 2:
@@ -121,11 +126,12 @@ def _draw_descriptors(axes: Axes, repertoire: Repertoire, colors: np.ndarray) ->
 
 def _draw_truth(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
     assert repertoire.ground_truth is not None
-    _scatter(axes, repertoire.ground_truth[:, :2], colors)
+    scatter(axes, repertoire.ground_truth[:, :2], colors)
     axes.set(xlabel="ground truth 1", ylabel="ground truth 2")
 
 
-def _scatter(axes: Axes, places: np.ndarray, colors: np.ndarray) -> None:
+def scatter(axes: Axes, places: np.ndarray, colors: np.ndarray) -> None:
+    """Places, (n, 2), as points that are the smaller the more they are."""
     size = np.clip(20_000 / len(places), 1.5, 30)
     axes.scatter(*places.T, s=size, c=colors, linewidths=0, rasterized=True)
 

@@ -47,13 +47,37 @@ class Ballistic:
             raise ValueError(f"genotypes must have shape (n, 2), got {genotypes.shape}")
         if not ((genotypes >= 0) & (genotypes <= 1)).all():
             raise ValueError("genotypes must be in [0, 1]")
-        share = 0.1 + 0.8 * genotypes
-        angle, force = share[:, 0] * _MAX_ANGLE, share[:, 1] * _MAX_FORCE
-        along, up = force * np.cos(angle), force * np.sin(angle)
-        observation = np.empty((len(genotypes), STEPS, 2))
-        _fly(along, up, observation)
+        along, up = _force(0.1 + 0.8 * genotypes)
         fitness = np.where(up > 3 * _GRAVITY, 0.0, np.nan)
-        return tasks.Evaluation(fitness, observation, _top(along, up))
+        return tasks.Evaluation(fitness, _trajectories(along, up), _top(along, up))
+
+    def prior(self) -> np.ndarray:
+        """(10000, 50, 2): the prior data set of the paper's pre-trained variants, 100 angles by 100 forces.
+
+        Angles i / 100 pi / 2 and forces j / 100 200 N, for i, j = 0 to 99, those that never leave the ground included.
+        """
+        parameter = np.arange(100) / 100
+        angle, force = np.meshgrid(parameter, parameter)
+        return _trajectories(*_force(np.column_stack([angle.ravel(), force.ravel()])))
+
+    def bounds(self) -> np.ndarray:
+        """(2, 50, 2): the lowest and the highest x and y, in metres, that valid throws can reach, at every step."""
+        gene = np.linspace(0, 1, 101)  # the extremes are reached at its ends
+        evaluation = self(np.stack(np.meshgrid(gene, gene), axis=2).reshape(-1, 2))
+        reached = evaluation.observation[np.isfinite(evaluation.fitness)].reshape(-1, 2)
+        return np.stack([np.broadcast_to(corner, (STEPS, 2)) for corner in (reached.min(axis=0), reached.max(axis=0))])
+
+
+def _force(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The horizontal and the vertical component, (n,) N each, of shares (n, 2) of the largest angle and force."""
+    angle, force = share[:, 0] * _MAX_ANGLE, share[:, 1] * _MAX_FORCE
+    return force * np.cos(angle), force * np.sin(angle)
+
+
+def _trajectories(along: np.ndarray, up: np.ndarray) -> np.ndarray:
+    observation = np.empty((len(along), STEPS, 2))
+    _fly(along, up, observation)
+    return observation
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,164 @@
+"""Archives of cells: MAP-Elites.
+
+The space of descriptors is cut into cells, and a cell keeps the fittest individual that fell into it [1]. `GridArchive` cuts
+a box into equal parts; `auroraqd.cvt.CVTArchive` has cells of any shape in any number of dimensions.
+
+[1] J.-B. Mouret, J. Clune, Illuminating search spaces by mapping elites, arXiv:1504.04909, 2015.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auroraqd._checks import whole
+from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive
+
+
+class CellArchive(Archive):
+    """An archive with one place a cell: a newcomer takes an empty one, or replaces who is there if it is strictly fitter.
+
+    A new kind provides `_cells`, `n_cells` and `n_dimensions`.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._row_of: dict[int, int] = {}  # cell to row: memory for the filled ones only
+        self._elite: list[float] = []  # fitness, a row an individual
+
+    @abstractmethod
+    def _cells(self, descriptor: np.ndarray) -> np.ndarray:
+        """The cell of each descriptor, (n, d) finite float64 to (n,) int64."""
+
+    @property
+    @abstractmethod
+    def n_cells(self) -> int:
+        """Cells there are."""
+
+    @property
+    @abstractmethod
+    def n_dimensions(self) -> int:
+        """Dimensions of the descriptors."""
+
+    @property
+    def full(self) -> bool:
+        """False: every cell has its place."""
+        return False
+
+    @property
+    def cell(self) -> np.ndarray:
+        """(n,) int64: the cell of each individual."""
+        cells = np.empty(len(self), np.int64)
+        cells[list(self._row_of.values())] = list(self._row_of)
+        return cells
+
+    def cell_of(self, descriptor: ArrayLike) -> np.ndarray:
+        """The cells that descriptors fall into, (n, d) to (n,) int64.
+
+        Raises:
+            ValueError: wrong shape, or a NaN or an infinity.
+        """
+        values = np.asarray(descriptor, np.float64)
+        if values.ndim != 2:
+            raise ValueError(f"descriptor must have shape (n, {self.n_dimensions}), got {values.shape}")
+        if not np.isfinite(values).all():
+            raise ValueError("descriptor must be finite, got a NaN or an infinity")
+        self._check_descriptor(values)
+        return self._cells(values)
+
+    def _check_descriptor(self, descriptor: np.ndarray) -> None:
+        if descriptor.shape[1] != self.n_dimensions:
+            raise ValueError(
+                f"descriptor must have {self.n_dimensions} dimensions, as the cells have, got {descriptor.shape[1]}"
+            )
+
+    def _check(self, batch: dict[str, np.ndarray]) -> None:
+        super()._check(batch)
+        self._check_descriptor(batch["descriptor"])
+
+    def _add_again(self, new: dict[str, np.ndarray]) -> None:
+        self._check_descriptor(new["descriptor"])
+        super()._add_again(new)
+
+    def _clear(self) -> None:
+        self._row_of = {}
+        self._elite = []
+
+    def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
+        target = np.full(len(descriptor), -1)
+        valid = np.flatnonzero(status != INVALID)
+        cells = self._cells(descriptor[valid]).tolist()
+        for i, cell, value in zip(valid.tolist(), cells, fitness[valid].tolist(), strict=True):
+            row = self._row_of.setdefault(cell, len(self._elite))
+            if row == len(self._elite):
+                self._elite.append(value)
+                status[i] = NEW
+            elif value > self._elite[row]:
+                self._elite[row] = value
+                status[i] = REPLACED
+            else:
+                status[i] = REJECTED
+                continue
+            target[i] = row
+        return target
+
+
+class GridArchive(CellArchive):
+    """MAP-Elites on a grid: a box cut into equal cells.
+
+    Descriptors outside the box belong to the nearest cell at its border.
+
+    Args:
+        cells: how many along each dimension, for instance (30, 30).
+        low, high: the corners of the box, numbers or one a dimension. Learned descriptors have no bounds known beforehand: an
+            `UnstructuredArchive` needs none.
+
+    Raises:
+        ValueError: not a box, or no cells.
+    """
+
+    def __init__(self, cells: Sequence[int], *, low: ArrayLike = -1.0, high: ArrayLike = 1.0) -> None:
+        super().__init__()
+        if isinstance(cells, int) or len(cells) == 0:
+            raise ValueError(f"cells must be numbers of cells, one for each dimension, got {cells!r}")
+        self._shape = tuple(whole("cells", number) for number in cells)
+        if self.n_cells > np.iinfo(np.int64).max:
+            raise ValueError(f"cells must make fewer than 2^63 in all, got {cells!r}")
+        try:
+            self._low, self._high = (
+                np.array(np.broadcast_to(np.asarray(v, np.float64), len(self._shape))) for v in (low, high)
+            )
+        except (TypeError, ValueError):
+            raise ValueError(f"low and high must be numbers, or {len(self._shape)} each, got {low!r} and {high!r}") from None
+        if not (np.isfinite(self._high - self._low).all() and (self._low < self._high).all()):
+            raise ValueError(f"low must be below high, both finite, got {low!r} and {high!r}")
+
+    def __repr__(self) -> str:
+        box = f"low={self._low.tolist()}, high={self._high.tolist()}"
+        return f"GridArchive({self._shape}, {box}): {len(self)} individuals"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The parameters, as JSON values."""
+        return {"cells": list(self._shape), "low": self._low.tolist(), "high": self._high.tolist()}
+
+    @property
+    def n_cells(self) -> int:
+        """Cells of the grid."""
+        product = 1
+        for number in self._shape:
+            product *= number
+        return product
+
+    @property
+    def n_dimensions(self) -> int:
+        """Dimensions of the grid."""
+        return len(self._shape)
+
+    def _cells(self, descriptor: np.ndarray) -> np.ndarray:
+        inside = np.clip(descriptor, self._low, self._high)
+        share = (inside - self._low) / (self._high - self._low)
+        place = np.minimum((share * self._shape).astype(np.int64), np.array(self._shape) - 1)
+        return np.asarray(np.ravel_multi_index(tuple(place.T), self._shape), np.int64).reshape(-1)

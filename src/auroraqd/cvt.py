@@ -1,0 +1,239 @@
+"""CVT-MAP-Elites: cells are the regions around centroids, in any number of dimensions.
+
+The centroids of a centroidal Voronoi tessellation are spread like samples of the space of descriptors, found by k-means
+[1]. `tessellate` finds them, `CVTArchive` takes them or any others.
+
+[1] V. Vassiliades, K. Chatzilygeroudis, J.-B. Mouret, Using Centroidal Voronoi Tessellations to Scale Up the
+Multidimensional Archive of Phenotypic Elites Algorithm, IEEE TEVC 2018.
+"""
+
+import contextlib
+import hashlib
+import os
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auroraqd._checks import whole
+from auroraqd._files import replacing
+from auroraqd.cells import CellArchive
+
+_BLOCK = 4096  # centroids a matrix product
+_GROUP = 64  # centroids whose smallest score is kept; divides _BLOCK
+_ROWS = 1024  # descriptors at a time
+_CACHE_VERSION = 1
+
+
+class Tessellation(NamedTuple):
+    """Centroids and how they were found.
+
+    Attributes:
+        centroids: (cells, d) float64, distinct.
+        asked: centroids asked for.
+        samples: samples they were made of.
+        steps: Lloyd steps done.
+    """
+
+    centroids: np.ndarray
+    asked: int
+    samples: int
+    steps: int
+
+    def __str__(self) -> str:
+        return f"{len(self.centroids)} distinct centroids of {self.asked}, from {self.samples} samples in {self.steps} steps"
+
+
+def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0, cache: bool = True) -> Tessellation:
+    """Spread centroids like samples, by k-means (Lloyd's algorithm, scikit-learn's).
+
+    The result is kept in the user's cache folder (`AURORAQD_CACHE`, or `auroraqd` in that of the system) and found again by
+    the content of the arguments.
+
+    Args:
+        samples: (n, d), n >= cells.
+        cells: how many centroids. Fewer when samples coincide.
+        steps: most Lloyd steps.
+        seed: of the choice of the samples to start from.
+        cache: whether to look for the result on disk, and keep it there.
+
+    Raises:
+        ValueError: wrong shape, a NaN or an infinity, or fewer samples than cells.
+    """
+    samples = _points("samples", samples)
+    cells, steps, seed = whole("cells", cells), whole("steps", steps), whole("seed", seed, least=0)
+    if len(samples) < cells:
+        raise ValueError(f"samples must be at least as many as cells, {cells}, got {len(samples)}")
+    path = _cache_path(samples, cells, steps, seed) if cache else None
+    if path is not None and (found := _read(path)) is not None:
+        return found
+    result = _lloyd(samples, cells, steps, seed)
+    if path is not None:
+        _write(path, result)
+    return result
+
+
+def _lloyd(samples: np.ndarray, cells: int, steps: int, seed: int) -> Tessellation:
+    from sklearn.cluster import KMeans
+
+    distinct = np.unique(samples, axis=0)
+    if len(distinct) <= cells:
+        return Tessellation(distinct, cells, len(samples), 0)
+    start = distinct[np.sort(np.random.default_rng(seed).choice(len(distinct), cells, replace=False))]
+    # In single precision, about the middle: centroids are where they are wanted, not where they are exact.
+    middle = samples.mean(axis=0)
+    means = KMeans(
+        cells,
+        init=(start - middle).astype(np.float32),
+        n_init=1,  # pyright: ignore[reportArgumentType]
+        max_iter=steps,
+        tol=0,
+        algorithm="lloyd",
+    )
+    means.fit((samples - middle).astype(np.float32))
+    centroids = np.unique(means.cluster_centers_.astype(np.float64) + middle, axis=0)
+    return Tessellation(centroids, cells, len(samples), int(means.n_iter_))
+
+
+class CVTArchive(CellArchive):
+    """MAP-Elites on the Voronoi cells of centroids: an individual belongs to the nearest, of several the first.
+
+    Nearest is exact: scores in single precision by matrix products leave a few centroids, and direct differences in double
+    precision decide among them.
+
+    Args:
+        centroids: (cells, d), or a `Tessellation`. Repeated rows count once.
+
+    Attributes:
+        tessellation: the centroids, (cells, d) float64, and where they come from.
+
+    Raises:
+        ValueError: wrong shape, or a NaN or an infinity.
+    """
+
+    def __init__(self, centroids: "ArrayLike | Tessellation") -> None:
+        super().__init__()
+        if not isinstance(centroids, Tessellation):
+            points = _points("centroids", centroids)
+            _, first = np.unique(points, axis=0, return_index=True)
+            centroids = Tessellation(points[np.sort(first)], len(points), 0, 0)
+        self.tessellation = centroids
+        points = centroids.centroids
+        # Scores are distances of points moved near the origin and scaled down, so that single precision neither runs out
+        # of range nor loses more than it must.
+        self._middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
+        near = points - self._middle
+        self._unit = max(float(np.abs(near).max()), np.finfo(np.float64).tiny)
+        near = near / self._unit
+        pad = -len(near) % _GROUP
+        squares = np.concatenate([(near**2).sum(axis=1), np.full(pad, np.inf)])
+        near = np.concatenate([near, np.zeros((pad, near.shape[1]))])
+        self._screen = np.ascontiguousarray(np.column_stack([near, squares]).T, np.float32)  # (d + 1, cells, padded)
+        self._reach = float(np.sqrt(squares[: len(points)].max()))
+
+    def __repr__(self) -> str:
+        return f"CVTArchive({self.tessellation}): {len(self)} individuals"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """How the centroids were found, as JSON values."""
+        t = self.tessellation
+        return {"centroids": len(t.centroids), "asked": t.asked, "samples": t.samples, "steps": t.steps}
+
+    @property
+    def n_cells(self) -> int:
+        """Distinct centroids."""
+        return len(self.tessellation.centroids)
+
+    @property
+    def n_dimensions(self) -> int:
+        """Dimensions of the centroids."""
+        return self.tessellation.centroids.shape[1]
+
+    def _cells(self, descriptor: np.ndarray) -> np.ndarray:
+        parts = [self._nearest(descriptor[start : start + _ROWS]) for start in range(0, len(descriptor), _ROWS)]
+        return np.concatenate(parts) if parts else np.empty(0, np.int64)
+
+    def _nearest(self, x: np.ndarray) -> np.ndarray:
+        """The nearest centroid of each of a few descriptors, (n, d)."""
+        n, d = x.shape
+        near = (x - self._middle) / self._unit
+        # A point beyond twice the reach of the centroids is drawn in towards the middle for its scores to stay in range,
+        # and all centroids are looked at: such points are rare.
+        length = np.sqrt((near**2).sum(axis=1))
+        far = length > 1e3 * max(self._reach, 1.0)
+        near[far] = 0
+        scored = np.column_stack([-2 * near, np.ones(n)]).astype(np.float32)
+        groups = self._screen.shape[1] // _GROUP
+        lowest = np.empty((n, groups), np.float32)  # of |c|^2 - 2 x c in each group of centroids
+        for start in range(0, self._screen.shape[1], _BLOCK):
+            scores = scored @ self._screen[:, start : start + _BLOCK]
+            lowest[:, start // _GROUP : (start + scores.shape[1]) // _GROUP] = scores.reshape(n, -1, _GROUP).min(axis=2)
+        # Rounding of the inputs and of a sum of d + 1 products [Higham, Accuracy and Stability, Sec. 3.1], on both sides.
+        terms = self._reach**2 + 2 * self._reach * np.where(far, 0, length)
+        slack = 2 * (d + 4) * np.finfo(np.float32).eps * terms
+        slack[far] = np.inf
+        row, group = np.nonzero(lowest <= (lowest.min(axis=1) + slack)[:, None])
+        best = np.full(n, np.inf)
+        nearest = np.zeros(n, np.int64)
+        points = self.tessellation.centroids
+        for i, start in zip(row.tolist(), (group * _GROUP).tolist(), strict=True):
+            distance = ((points[start : start + _GROUP] - x[i]) ** 2).sum(axis=1)
+            j = int(distance.argmin())
+            if distance[j] < best[i]:
+                best[i], nearest[i] = distance[j], start + j
+        return nearest
+
+
+def _points(name: str, values: ArrayLike) -> np.ndarray:
+    try:
+        points = np.ascontiguousarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers of shape (n, d)") from None
+    if points.ndim != 2 or points.size == 0:
+        raise ValueError(f"{name} must have shape (n, d) with n, d >= 1, got {points.shape}")
+    if not np.isfinite(points).all():
+        raise ValueError(f"{name} must be finite, got a NaN or an infinity")
+    return points
+
+
+def cache_folder() -> Path:
+    """Where tessellations are kept: `AURORAQD_CACHE`, or `auroraqd` in the cache folder of the system."""
+    if given := os.environ.get("AURORAQD_CACHE"):
+        return Path(given)
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "auroraqd"
+
+
+def _cache_path(samples: np.ndarray, cells: int, steps: int, seed: int) -> Path:
+    digest = hashlib.sha256(repr((_CACHE_VERSION, samples.shape, cells, steps, seed)).encode())
+    digest.update(samples.data)
+    return cache_folder() / f"centroids-{digest.hexdigest()[:32]}.safetensors"
+
+
+def _read(path: Path) -> Tessellation | None:
+    """What is kept there, or None when there is nothing that can be read."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load_file
+
+    try:
+        arrays = load_file(path)
+        return Tessellation(arrays["centroids"], *(int(number) for number in arrays["counts"]))
+    except (OSError, SafetensorError, KeyError, TypeError):
+        return None
+
+
+def _write(path: Path, found: Tessellation) -> None:
+    from safetensors.numpy import save
+
+    with contextlib.suppress(OSError):  # a cache that cannot be written costs time, nothing else
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as file:
+            file.write(save({"centroids": found.centroids, "counts": np.array(found[1:], np.int64)}))

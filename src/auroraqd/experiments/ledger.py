@@ -1,0 +1,117 @@
+"""The results of an experiment on disk, which add up over days and machines.
+
+    settings.json    the settings of every variant that has results
+    runs.csv         a `Result` a line
+    curves.csv       a `Point` a line
+    runs/            the run folders, with their repertoires
+
+The first three are small and say what is done; the run folders are only needed for figures of repertoires and as references.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from auroraqd._files import replacing
+from auroraqd.experiments.replication import Point, Result
+from auroraqd.experiments.settings import Settings
+
+SETTINGS, RUNS, CURVES, FOLDERS = "settings.json", "runs.csv", "curves.csv", "runs"
+_Row = TypeVar("_Row", Result, Point)
+
+
+class Ledger:
+    """The results in a folder.
+
+    Args:
+        folder: created when the first result is written.
+
+    Raises:
+        ValueError: its files are damaged.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.results: list[Result] = _read(folder / RUNS, Result)
+        self.points: list[Point] = _read(folder / CURVES, Point)
+        self._settings: dict[str, Any] = _read_settings(folder / SETTINGS)
+
+    def check(self, variants: Mapping[str, Settings]) -> None:
+        """Make sure that results of these settings may be added.
+
+        Raises:
+            ValueError: there are results of a variant with other settings.
+        """
+        for name, settings in variants.items():
+            wanted, known = _comparable(settings), self._settings.get(name)
+            if known is not None and known != wanted:
+                differ = [key for key in wanted if known.get(key) != wanted[key]]
+                came = ", ".join(f"{key} {known.get(key)!r} and not {wanted[key]!r}" for key in differ) or "others"
+                raise ValueError(f"{self.folder} holds results of {name} with other settings, {came}: choose another folder")
+
+    def done(self, variant: str) -> set[int]:
+        """The replications of a variant that are done."""
+        return {result.replication for result in self.results if result.variant == variant}
+
+    def run_folder(self, variant: str, replication: int) -> Path:
+        """Where the run folder of a replication is."""
+        return self.folder / FOLDERS / f"{variant}-{replication}"
+
+    def add(self, settings: Settings, result: Result, points: Iterable[Point]) -> None:
+        """Write a result down, in place of one of the same run."""
+        run = result.variant, result.replication
+        self.results = sorted([*(r for r in self.results if (r.variant, r.replication) != run), result], key=lambda r: r[:2])
+        kept = [p for p in self.points if (p.variant, p.replication) != run]
+        self.points = sorted([*kept, *points], key=lambda p: p[:3])
+        self._settings[result.variant] = _comparable(settings)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        _write(self.folder / SETTINGS, json.dumps(dict(sorted(self._settings.items())), indent=1) + "\n")
+        _write(self.folder / CURVES, _csv(Point, self.points))
+        _write(self.folder / RUNS, _csv(Result, self.results))  # last: what it lists is done
+
+
+def _comparable(settings: Settings) -> dict[str, Any]:
+    """All settings but the seed, as JSON gives them back."""
+    return {name: value for name, value in json.loads(json.dumps(settings.as_json())).items() if name != "seed"}
+
+
+def _read_settings(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    try:
+        values = json.loads(path.read_text())
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+    if not isinstance(values, dict):
+        raise ValueError(f"{path} is damaged: it must hold a JSON object")
+    return values
+
+
+def _read(path: Path, kind: type[_Row]) -> list[_Row]:
+    if not path.is_file():
+        return []
+    kinds = list(kind.__annotations__.values())
+    try:
+        with path.open(newline="") as file:
+            header, *rows = csv.reader(file)
+        if tuple(header) != kind._fields:
+            raise ValueError(f"the columns must be {', '.join(kind._fields)}")
+        return [kind(*(k(value) for k, value in zip(kinds, row, strict=True))) for row in rows]
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def _csv(kind: type[_Row], rows: Iterable[_Row]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(kind._fields)
+    writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+    return text.getvalue()
+
+
+def _write(path: Path, text: str) -> None:
+    with replacing(path) as file:
+        file.write(text.encode())

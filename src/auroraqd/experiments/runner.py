@@ -1,0 +1,259 @@
+"""Many runs at once: one worker process a core, each with libraries that keep to one thread.
+
+Workers are spawned, not forked, and end with their parent, however it ends. A worker that dies takes its run with it, which is
+tried once more; the other runs go on.
+"""
+
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.connection import wait as wait_for_end
+from typing import Any, NamedTuple, Protocol
+
+from auroraqd.experiments.ledger import Ledger
+from auroraqd.experiments.replication import Job, Point, Result, replicate
+from auroraqd.experiments.settings import Settings
+from auroraqd.experiments.variants import BALLISTIC, REFERENCE, Variant
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")
+_REPORT = 0.5  # s between two reports of a worker
+_TRIES = 2
+
+
+class Status(NamedTuple):
+    """How far a run is."""
+
+    variant: str
+    replication: int
+    generation: int
+    generations: int
+    size: int
+    training: str  # what the descriptor is doing, when it is being trained
+
+
+class Listener(Protocol):
+    """Who is told how an experiment goes."""
+
+    def progress(self, status: Status) -> None:
+        """A run has come this far."""
+
+    def finished(self, result: Result) -> None:
+        """A run is done."""
+
+    def failed_run(self, job: Job, reason: str) -> None:
+        """A run is given up."""
+
+
+def plan(
+    ledger: Ledger, variants: Sequence[Variant], replications: int, base: Settings
+) -> tuple[list[Job], dict[str, Settings]]:
+    """The runs that are missing, in an order in which the references come first.
+
+    The hand-coded repertoire of each replication is the reference of its other runs, so it is grown even if it is not asked
+    for, and once more where only its numbers are there.
+
+    Returns:
+        The jobs, and the settings of each variant.
+
+    Raises:
+        ValueError: the ledger holds results of other settings.
+    """
+    named = {variant.name: variant for variant in variants}
+    settings = {name: variant.of(base, 0) for name, variant in {REFERENCE: BALLISTIC[REFERENCE], **named}.items()}
+    ledger.check(settings)
+    jobs = []
+    for replication in range(replications):
+        reference = ledger.run_folder(REFERENCE, replication)
+        missing = [name for name in named if name != REFERENCE and replication not in ledger.done(name)]
+        have = replication in ledger.done(REFERENCE)
+        if (not have and (missing or REFERENCE in named)) or (missing and not _complete(reference)):
+            jobs.append(Job(REFERENCE, replication, BALLISTIC[REFERENCE].of(base, replication), reference, None))
+        jobs += [
+            Job(name, replication, named[name].of(base, replication), ledger.run_folder(name, replication), reference)
+            for name in missing
+        ]
+    return sorted(jobs, key=lambda job: job.reference is not None), settings
+
+
+def _complete(folder: Any) -> bool:
+    from auroraqd.storage import CONFIG, REPERTOIRE
+
+    return (folder / CONFIG).is_file() and (folder / REPERTOIRE).is_file()
+
+
+def execute(jobs: Sequence[Job], settings: Mapping[str, Settings], ledger: Ledger, workers: int, listener: Listener) -> None:
+    """Do the runs and write each down as soon as it is done.
+
+    When it is interrupted, the runs under way are lost and the others kept: called again with the runs that are still
+    missing, it goes on.
+    """
+    waiting = list(jobs)
+    tries = dict.fromkeys(jobs, 0)
+    context = multiprocessing.get_context("spawn")
+    with context.Manager() as manager:
+        reports = manager.Queue()
+        relay = threading.Thread(target=_relay, args=(reports, listener), daemon=True)
+        relay.start()
+        while waiting:
+            with _pool(min(workers, len(waiting)), context, reports) as pool:
+                waiting = _until_broken(pool, waiting, tries, settings, ledger, workers, listener)
+        reports.put(None)
+        relay.join()
+
+
+def _until_broken(
+    pool: ProcessPoolExecutor,
+    waiting: list[Job],
+    tries: dict[Job, int],
+    settings: Mapping[str, Settings],
+    ledger: Ledger,
+    workers: int,
+    listener: Listener,
+) -> list[Job]:
+    """Do runs until all are done or the pool breaks; returns those that are left."""
+    running: dict[Future, Job] = {}
+    broken = False
+    while (waiting and not broken) or running:
+        needed = {job.folder for job in [*waiting, *running.values()] if job.reference is None}
+        while not broken and len(running) < workers:
+            ready = next((job for job in waiting if job.reference not in needed), None)
+            if ready is None:
+                break
+            waiting.remove(ready)
+            tries[ready] += 1
+            running[pool.submit(_work, ready)] = ready
+        if not running:
+            break
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            job = running.pop(future)
+            try:
+                result, points = future.result()
+            except BrokenProcessPool:
+                broken = True
+                if tries[job] < _TRIES:
+                    waiting.insert(0, job)
+                else:
+                    waiting = _without(waiting, job, "its process died", listener)
+            except Exception as error:
+                waiting = _without(waiting, job, f"{type(error).__name__}: {error}", listener)
+            else:
+                ledger.add(settings[job.variant], result, points)
+                listener.finished(result)
+    return waiting
+
+
+def _without(waiting: list[Job], failed: Job, reason: str, listener: Listener) -> list[Job]:
+    """Give up a run, and those that have it as their reference."""
+    listener.failed_run(failed, reason)
+    orphans = [job for job in waiting if failed.reference is None and job.reference == failed.folder]
+    for job in orphans:
+        listener.failed_run(job, "its reference failed")
+    return [job for job in waiting if job not in orphans]
+
+
+def _relay(reports: Any, listener: Listener) -> None:
+    while True:
+        try:
+            status = reports.get()
+        except (EOFError, OSError):  # the experiment was interrupted
+            return
+        if status is None:
+            return
+        listener.progress(status)
+
+
+@contextmanager
+def _pool(workers: int, context: Any, reports: Any) -> Iterator[ProcessPoolExecutor]:
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    places = context.Queue()
+    for i in range(workers):
+        places.put(cores[i % len(cores)] if cores else None)
+    before = set(multiprocessing.active_children())
+    with _one_thread():
+        pool = ProcessPoolExecutor(workers, context, initializer=_start, initargs=(places, reports))
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - before:
+                child.terminate()
+            raise
+        pool.shutdown()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """An environment in which the libraries of new processes keep to one thread."""
+    wanted = {
+        **dict.fromkeys(_THREADS, "1"),
+        "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false",
+    }
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+
+
+_reports: Any = None
+
+
+def _start(places: Any, reports: Any) -> None:
+    """Set a worker up."""
+    import signal
+
+    global _reports
+    _reports = reports
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent decides
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    core = places.get()
+    if core is not None:
+        os.sched_setaffinity(0, {core})  # which is also how many threads XLA starts
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait_for_end([parent.sentinel])
+    os._exit(1)
+
+
+def _work(job: Job) -> tuple[Result, list[Point]]:
+    """In a worker: do a run, and report now and then."""
+    from auroraqd.autoencoder import listening
+
+    reporter = _Reporter(job)
+    with listening(reporter.training):
+        return replicate(job, reporter.generation)
+
+
+class _Reporter:
+    """Tells the parent how far a run is."""
+
+    def __init__(self, job: Job):
+        self._job = job
+        self._next = 0.0
+        self._generation = self._size = 0
+
+    def generation(self, aurora: Any) -> None:
+        """After a generation."""
+        self._generation, self._size = aurora.generation, len(aurora.archive)
+        self._send("")
+
+    def training(self, progress: Any) -> None:
+        """During a training."""
+        self._send(f"training {progress.repeat}/{progress.repeats}, error {progress.error:.4f}")
+
+    def _send(self, training: str) -> None:
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = now + _REPORT
+            job = self._job
+            _reports.put(Status(job.variant, job.replication, self._generation, job.settings.generations, self._size, training))
