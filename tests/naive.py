@@ -153,3 +153,71 @@ def roulette(scores, spins):
             end += scores[row] - low
         rows.append(row)
     return rows
+
+
+def nearest_centroid(centroids, x):
+    """The first of the nearest."""
+    distances = [squared_distance(c, x) for c in centroids]
+    return distances.index(min(distances))
+
+
+def grid_cell(shape, low, high, x):
+    """Row-major number of the cell of a grid; outside belongs to the border."""
+    number = 0
+    for cells, a, b, value in zip(shape, low, high, x, strict=True):
+        inside = min(max(float(value), a), b)
+        number = number * cells + min(int((inside - a) / (b - a) * cells), cells - 1)
+    return number
+
+
+def map_elites(cells, fitness):
+    """Statuses, and the individual that each row ends up with."""
+    status, rows, who = [], {}, []
+    for i, (cell, f) in enumerate(zip(cells, fitness, strict=True)):
+        if cell not in rows:
+            rows[cell] = len(who)
+            who.append(i)
+            status.append(1)
+        elif f > fitness[who[rows[cell]]]:
+            who[rows[cell]] = i
+            status.append(2)
+        else:
+            status.append(0)
+    return status, who
+
+
+def distortion(x, z):
+    """Stress of the distances: z's, scaled as fits best, against x's."""
+    pairs = [(i, j) for i in range(len(x)) for j in range(len(x)) if i != j]
+    wanted = [distance(x[i], x[j]) for i, j in pairs]
+    given = [distance(z[i], z[j]) for i, j in pairs]
+    s = sum(w * g for w, g in zip(wanted, given, strict=True)) / sum(g * g for g in given)
+    return sum((s * g - w) ** 2 for w, g in zip(wanted, given, strict=True)) / sum(w * w for w in wanted)
+
+
+def convolution(image, kernel, bias):
+    """One map of (steps, channels) to one, zeros outside, as TensorFlow's "same": more of them after than before."""
+    steps, channels = len(image), len(image[0])
+    before = [(len(kernel) - 1) // 2, (len(kernel[0]) - 1) // 2]
+    out = []
+    for t in range(steps):
+        row = []
+        for c in range(channels):
+            total = bias
+            for i, line in enumerate(kernel):
+                for j, weight in enumerate(line):
+                    u, v = t + i - before[0], c + j - before[1]
+                    if 0 <= u < steps and 0 <= v < channels:
+                        total += weight * image[u][v]
+            row.append(total)
+        out.append(row)
+    return out
+
+
+def max_pooling(image):
+    """The largest of 2 x 2 from each place on, as far as there are."""
+    steps, channels = len(image), len(image[0])
+    return [
+        [max(image[u][v] for u in range(t, min(t + 2, steps)) for v in range(c, min(c + 2, channels))) for c in range(channels)]
+        for t in range(steps)
+    ]

@@ -191,7 +191,10 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
     ("arguments", "message"),
     [
         (["run", "juggling"], "task must be one of ballistic"),
-        (["run", "ballistic", "--descriptor", "magic"], "descriptor must be one of pca, autoencoder, hand-coded, genotype, observation, got 'magic'"),
+        (
+            ["run", "ballistic", "--descriptor", "magic"],
+            "descriptor must be one of pca, autoencoder, hand-coded, genotype, observation, got 'magic'",
+        ),
         (["run", "ballistic", "--generations", "0"], "generations must be a whole number, 1 or more"),
         (["run", "ballistic", "--generations", "many"], "integer"),
         (["run", "ballistic", "--epsilon", "2"], "epsilon must be a finite number, 0 or more and below 1"),

@@ -73,6 +73,11 @@ class Archive(ABC):
     def full(self) -> bool:
         """Whether new individuals are rejected for lack of room."""
 
+    @property
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """The parameters, as JSON values."""
+
     def _column(self, name: str, row_shape: tuple[int, ...] = ()) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty((0, *row_shape))
 
@@ -360,6 +365,11 @@ class UnstructuredArchive(Archive):
     def capacity(self) -> int | None:
         """The most individuals to store, or None."""
         return self._capacity
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The parameters, as JSON values; l, which changes, is in the history."""
+        return {name: getattr(self, name) for name in ("k", "epsilon", "competition", "capacity")}
 
     @property
     def full(self) -> bool:

@@ -24,6 +24,7 @@ from auroraqd.cells import CellArchive
 _BLOCK = 4096  # centroids a matrix product
 _GROUP = 64  # centroids whose smallest score is kept; divides _BLOCK
 _ROWS = 1024  # descriptors at a time
+_FAR = 1e4  # times as far from the middle as any centroid
 _CACHE_VERSION = 1
 
 
@@ -125,7 +126,7 @@ class CVTArchive(CellArchive):
         # of range nor loses more than it must.
         self._middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
         near = points - self._middle
-        self._unit = max(float(np.abs(near).max()), np.finfo(np.float64).tiny)
+        self._unit = float(np.abs(near).max()) or 1.0
         near = near / self._unit
         pad = -len(near) % _GROUP
         squares = np.concatenate([(near**2).sum(axis=1), np.full(pad, np.inf)])
@@ -160,10 +161,8 @@ class CVTArchive(CellArchive):
         """The nearest centroid of each of a few descriptors, (n, d)."""
         n, d = x.shape
         near = (x - self._middle) / self._unit
-        # A point beyond twice the reach of the centroids is drawn in towards the middle for its scores to stay in range,
-        # and all centroids are looked at: such points are rare.
-        length = np.sqrt((near**2).sum(axis=1))
-        far = length > 1e3 * max(self._reach, 1.0)
+        length = np.abs(near).max(axis=1) * np.sqrt(d)  # at most: for the bounds below
+        far = length > _FAR  # their scores say too little: all centroids are looked at
         near[far] = 0
         scored = np.column_stack([-2 * near, np.ones(n)]).astype(np.float32)
         groups = self._screen.shape[1] // _GROUP
@@ -179,8 +178,9 @@ class CVTArchive(CellArchive):
         best = np.full(n, np.inf)
         nearest = np.zeros(n, np.int64)
         points = self.tessellation.centroids
+        scale = np.where(far, np.exp2(-np.frexp(np.abs(x).max(axis=1))[1].astype(float)), 1.0)  # squares must not overflow
         for i, start in zip(row.tolist(), (group * _GROUP).tolist(), strict=True):
-            distance = ((points[start : start + _GROUP] - x[i]) ** 2).sum(axis=1)
+            distance = (((points[start : start + _GROUP] - x[i]) * scale[i]) ** 2).sum(axis=1)
             j = int(distance.argmin())
             if distance[j] < best[i]:
                 best[i], nearest[i] = distance[j], start + j

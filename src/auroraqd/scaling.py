@@ -38,7 +38,7 @@ class Scaler(NamedTuple):
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """See the class."""
-        flat = observation.reshape(len(observation), -1) - self.center
+        flat = observation.reshape(len(observation), len(self.center)) - self.center
         flat *= self.factor
         return flat
 

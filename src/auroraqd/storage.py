@@ -132,13 +132,12 @@ def load_history(folder: str | os.PathLike) -> list[Record]:
 def settings_of(aurora: Aurora) -> dict[str, Any]:
     """The settings of a run as JSON values."""
     archive = aurora.archive
-    options = {name: getattr(archive, name) for name in ("k", "epsilon", "competition", "capacity") if hasattr(archive, name)}
     return {
         "n_genes": aurora.n_genes,
         "descriptor": repr(aurora.descriptor.source),
         "seed": aurora.seed,
         "batch_size": aurora.batch_size,
-        "archive": {"type": type(archive).__name__, **options},
+        "archive": {"type": type(archive).__name__, **archive.settings},
         **{name: as_json(getattr(aurora, name)) for name in ("selection", "variation", "resolution", "schedule")},
     }
 

@@ -1,6 +1,7 @@
 """What every archive promises. A new archive adds one entry to ARCHIVES."""
 
 import copy
+import json
 import signal
 import threading
 import time
@@ -14,6 +15,8 @@ import auroraqd
 ARCHIVES = {
     "unstructured": lambda **options: auroraqd.UnstructuredArchive(l=0.05, **options),
     "unstructured-elitist": lambda **options: auroraqd.UnstructuredArchive(l=0.05, competition="elitist", **options),
+    "grid": lambda: auroraqd.GridArchive((18, 20), low=0, high=1),
+    "cvt": lambda: auroraqd.CVTArchive(np.random.default_rng(9).random((350, 2))),
 }
 
 
@@ -118,6 +121,10 @@ def test_only_invalid_rows(archive):
     assert_array_equal(archive.add(**rows), -1)
     assert len(archive) == 0
     other = individuals(4)
+    if hasattr(archive, "n_dimensions"):  # cells have dimensions from the start
+        with pytest.raises(ValueError, match="descriptor must have 2 dimensions"):
+            archive.add(**{**other, "descriptor": other["descriptor"][:, :1]})
+        return
     other["descriptor"] = other["descriptor"][:, :1]  # nothing is stored yet, so nothing is decided
     archive.add(**other)
     assert archive.descriptor.shape[1] == 1
@@ -174,6 +181,12 @@ def test_redescribe_keeps_ids_and_curiosity(archive):
 
 def test_redescribe_may_change_the_dimensions(archive):
     archive.add(**individuals(50))
+    if hasattr(archive, "n_dimensions"):  # unless there are cells
+        before = archive.id.tolist()
+        with pytest.raises(ValueError, match="descriptor must have 2 dimensions, as the cells have, got 5"):
+            archive.redescribe(np.random.default_rng(0).random((len(archive), 5)))
+        assert archive.id.tolist() == before
+        return
     archive.redescribe(np.random.default_rng(0).random((len(archive), 5)))
     assert archive.descriptor.shape == (len(archive), 5)
     rows = individuals(10)
@@ -221,6 +234,11 @@ def test_bad_rows_change_nothing(archive, rows, message):
         assert_array_equal(getattr(archive, name), values)
 
 
+def test_settings_are_json_values(archive):
+    assert json.loads(json.dumps(archive.settings)) == archive.settings
+    assert type(archive).__name__ in repr(archive)
+
+
 def test_dtype_may_not_change(archive):
     archive.add(**individuals(10, dtype=np.uint8))
     with pytest.raises(ValueError, match="observation must have dtype uint8"):
@@ -239,7 +257,9 @@ def test_a_copy_goes_its_own_way(archive):
     assert len(twin.id) < len(archive.id) or twin.id.max() < archive.id.max()
 
 
-def test_threads_may_share_an_archive(archive):
+def test_threads_may_share_an_archive(make):
+    archive = make()
+
     def work(seed):
         for i in range(20):
             archive.add(**individuals(200, 100 * seed + i))
@@ -250,8 +270,9 @@ def test_threads_may_share_an_archive(archive):
     for thread in threads:
         thread.join()
     assert len(set(archive.id.tolist())) == len(archive) > 100
-    fresh = type(archive)(l=archive.l, competition=archive.competition)
-    fresh.add(archive.genotype, archive.fitness, archive.observation, archive.descriptor)
+    stored = [archive.genotype.copy(), archive.fitness.copy(), archive.observation.copy(), archive.descriptor.copy()]
+    fresh = make()
+    fresh.add(*stored)
     assert len(fresh) > 0.5 * len(archive)
 
 

@@ -74,8 +74,9 @@ class Ledger:
 
 
 def _comparable(settings: Settings) -> dict[str, Any]:
-    """All settings but the seed, as JSON gives them back."""
-    return {name: value for name, value in json.loads(json.dumps(settings.as_json())).items() if name != "seed"}
+    """All settings but the seed, with what the descriptor's are by default, as JSON gives them back."""
+    values = json.loads(json.dumps({**settings.as_json(), "parameters": settings.parameters()}))
+    return {name: value for name, value in values.items() if name != "seed"}
 
 
 def _read_settings(path: Path) -> dict[str, Any]:

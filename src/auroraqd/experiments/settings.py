@@ -198,6 +198,11 @@ class Settings:
         fixed = self.descriptor == OBSERVATION and not isinstance(self.archive, Unstructured)
         return task.bounds() if fixed else None
 
+    def parameters(self) -> dict[str, Any]:
+        """The parameters of a learned descriptor, those left to their defaults included, as JSON values."""
+        transformer = self._transformer()
+        return {} if isinstance(transformer, str) else dict(transformer.get_params())
+
     def as_json(self) -> dict[str, Any]:
         """As JSON values."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
