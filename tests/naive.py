@@ -119,9 +119,9 @@ def largest_distance(points):
 
 
 def klc(reference, compared, bins=30):
-    """D_KL(reference || compared), two dimensions, joint histogram over the box of the reference."""
-    lows = [min(p[j] for p in reference) for j in range(2)]
-    highs = [max(p[j] for p in reference) for j in range(2)]
+    """D_KL(reference || compared), joint histogram over the box of the reference."""
+    lows = [min(p[j] for p in reference) for j in range(len(reference[0]))]
+    highs = [max(p[j] for p in reference) for j in range(len(reference[0]))]
 
     def histogram(points):
         counts = {}

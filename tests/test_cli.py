@@ -36,7 +36,7 @@ def run_folder(tmp_path_factory):
 def test_installed_command_and_help():
     script = Path(sys.executable).with_name("auroraqd")
     done = subprocess.run([script, "--help"], capture_output=True, text=True, check=True)
-    for word in ("run", "show", "repeat"):
+    for word in ("run", "show", "repeat", "reproduce"):
         assert word in done.stdout
     assert auroraqd.__version__ in command("--version").stdout
 
@@ -45,7 +45,7 @@ def test_help_imports_nothing_heavy():
     done = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "auroraqd.cli", "--help"], capture_output=True, text=True, check=True
     )
-    for module in ("numpy", "numba", "sklearn", "matplotlib", "scipy"):
+    for module in ("numpy", "numba", "sklearn", "matplotlib", "scipy", "jax", "equinox"):
         assert f"| {module}\n" not in done.stderr
 
 
@@ -165,6 +165,40 @@ def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):
     assert storage.load_history(tmp_path / "run")[-1].generation == 4
 
 
+def test_run_with_an_autoencoder(tmp_path):
+    """Its training is shown, its weights come back, and the run can be repeated."""
+    options = ["--descriptor", "autoencoder:hidden=16x8,repeats=2,max_epochs=3,min_steps=0", "-n", 3, "--batch-size", 60]
+    done = command("run", "ballistic", *options, "--out", tmp_path / "first")
+    assert "RMSE" in done.stdout
+    command("repeat", tmp_path / "first", "--out", tmp_path / "again", "--no-figures")
+    first, again = (tmp_path / name / "repertoire.safetensors" for name in ("first", "again"))
+    assert first.read_bytes() == again.read_bytes()
+    repertoire = auroraqd.load(tmp_path / "first")
+    np.testing.assert_allclose(repertoire.describe(repertoire.observation), repertoire.descriptor, atol=1e-12)
+    assert repertoire.reconstruct(repertoire.descriptor).shape == repertoire.observation.shape
+
+
+@pytest.mark.parametrize(
+    ("options", "dimensions"),
+    [
+        (["--archive", "grid:cells=10", "--descriptor", "hand-coded"], 2),
+        (["--archive", "cvt:cells=50,samples=200", "--descriptor", "observation"], 100),
+        (["--archive", "cvt:cells=50,samples=200,low=0", "--descriptor", "genotype"], 2),
+        (["--archive", "cvt-prior", "--descriptor", "observation", "--pretrained"], 100),
+        (["--descriptor", "pca", "--pretrained"], 2),
+    ],
+)
+def test_run_with_other_archives_and_pretrained(tmp_path, monkeypatch, options, dimensions):
+    monkeypatch.setenv("AURORAQD_CACHE", str(tmp_path / "cache"))
+    command("run", "ballistic", *options, "-n", 5, "--out", tmp_path / "run")
+    repertoire = auroraqd.load(tmp_path / "run")
+    assert repertoire.descriptor.shape[1] == dimensions
+    if "observation" in options:
+        assert_array_equal(repertoire.describe(repertoire.observation), repertoire.descriptor)
+    config = storage.load_config(tmp_path / "run")
+    assert settings.Settings.from_json(config).as_json() == {k: v for k, v in config.items() if k != "environment"}
+
+
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
     out = tmp_path / "run"
@@ -195,6 +229,22 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
             ["run", "ballistic", "--descriptor", "magic"],
             "descriptor must be one of pca, autoencoder, hand-coded, genotype, observation, got 'magic'",
         ),
+        (["run", "ballistic", "--descriptor", "pca:whiten=true"], "descriptor must be one of"),
+        (
+            ["run", "ballistic", "--descriptor", "autoencoder:size=2"],
+            "descriptor 'autoencoder' has no option 'size'; its options",
+        ),
+        (["run", "ballistic", "--descriptor", "autoencoder:hidden=big"], "hidden must be whole numbers like 64x32, got 'big'"),
+        (
+            ["run", "ballistic", "--descriptor", "autoencoder:isometry=-1"],
+            "isometry must be a finite number, 0 or more, got -1",
+        ),
+        (["run", "ballistic", "--descriptor", "autoencoder", "--components", "101"], "n_components must be at most 100"),
+        (["run", "ballistic", "--descriptor", "genotype", "--pretrained"], "pretrained is for descriptors that are learned"),
+        (["run", "ballistic", "--archive", "cvt-prior"], "archive 'cvt-prior' is for descriptor 'observation', pretrained"),
+        (["run", "ballistic", "--archive", "cvt:cells=10,samples=5"], "samples must be a whole number, 10 or more, got 5"),
+        (["run", "ballistic", "--archive", "grid:low=2"], "low must be below high"),
+        (["run", "ballistic", "--archive", "tree"], "archive must be one of unstructured, grid, cvt, cvt-prior, got 'tree'"),
         (["run", "ballistic", "--generations", "0"], "generations must be a whole number, 1 or more"),
         (["run", "ballistic", "--generations", "many"], "integer"),
         (["run", "ballistic", "--epsilon", "2"], "epsilon must be a finite number, 0 or more and below 1"),

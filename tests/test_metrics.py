@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auroraqd.metrics import klc, outside
+from auroraqd.metrics import klc, outside, reconstruction_error
 
 
 def test_agrees_with_its_twin():
@@ -31,3 +31,35 @@ def test_outside():
 def test_bad_arguments(bad):
     with pytest.raises(ValueError, match="must"):
         klc(np.random.default_rng(0).random((5, 2)), bad)
+
+
+def test_marginal_is_the_sum_over_dimensions():
+    rng = np.random.default_rng(0)
+    reference, compared = rng.normal(size=(500, 3)), rng.normal(size=(400, 3)) + 0.3
+    parts = [naive.klc(reference[:, i : i + 1].tolist(), compared[:, i : i + 1].tolist()) for i in range(3)]
+    assert_allclose(klc(reference, compared, marginal=True), sum(parts))
+    assert_allclose(klc(reference[:, :1], compared[:, :1]), klc(reference[:, :1], compared[:, :1], marginal=True))
+
+
+def test_the_joint_one_sees_what_the_marginal_ones_cannot():
+    x = np.linspace(0, 1, 100)
+    one, other = np.column_stack([x, x]), np.column_stack([x, x[::-1]])
+    assert klc(one, other, marginal=True) == 0
+    assert klc(one, other) > 1
+
+
+def test_joint_histograms_have_a_limit():
+    points = np.random.default_rng(0).random((10, 8))
+    with pytest.raises(ValueError, match="30 bins in each of 8 dimensions is too large: use marginal=True"):
+        klc(points, points)
+    assert klc(points, points, marginal=True) == 0
+
+
+def test_reconstruction_error():
+    observation = np.zeros((2, 3, 2))
+    reconstruction = np.stack([np.full((3, 2), 2.0), [[3, 0], [0, 0], [0, 3]]])
+    assert_allclose(reconstruction_error(observation, reconstruction), [2, np.sqrt(3)])
+    with pytest.raises(ValueError, match="one shape"):
+        reconstruction_error(observation, reconstruction[:1])
+    with pytest.raises(ValueError, match="one shape"):
+        reconstruction_error(np.zeros(3), np.zeros(3))

@@ -93,7 +93,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         n_components: int = 2,
         *,
         network: Literal["mlp", "convolutional"] = "mlp",
-        hidden: Sequence[int] = (128, 64),
+        hidden: Sequence[int] = (128, 64, 32),
         isometry: float = 20.0,
         optimizer: Literal["adam", "adagrad"] = "adam",
         learning_rate: float = 1e-2,

@@ -259,7 +259,8 @@ def _prepare(settings: "Mapping[str, Settings]", jobs: "Sequence[Job]") -> None:
 
 def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> None:
     _check_free(out, overwrite)
-    task, aurora = settings.build()
+    with console.status("preparing") if console.is_terminal else nullcontext():
+        task, aurora = settings.build()
     out.mkdir(parents=True, exist_ok=True)
     from auroraqd._interrupts import uninterrupted
     from auroraqd.autoencoder import listening

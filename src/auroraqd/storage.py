@@ -40,7 +40,7 @@ FIGURE_FILES = tuple(f"{name}.{suffix}" for name in ("repertoire", "history") fo
 _FORMAT = "auroraqd repertoire 1"  # the one metadata key: with several, safetensors writes them in any order
 _LEARNED = "learned"
 _TRUSTED = ("auroraqd.autoencoder.AutoEncoder",)  # beyond scikit-learn's
-_VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba")
+_VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba", "jax", "equinox", "optax")
 
 
 def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any] | None = None) -> Path:

@@ -71,8 +71,8 @@ class Job(NamedTuple):
 
 def looked_at(generations: int) -> frozenset[int]:
     """The generations at which a run is looked at: densely at first, then 50 times in equal steps."""
-    early = [1, 2, 5, 10, 20, 35, 50]
-    return frozenset([g for g in early if g <= generations] + [round(s) for s in np.linspace(0, generations, 51)[1:]])
+    steps = [round(step) for step in np.linspace(0, generations, 51)]
+    return frozenset(g for g in [1, 2, 5, 10, 20, 35, 50, *steps] if 1 <= g <= generations)
 
 
 def replicate(job: Job, listener: Callable[[Aurora], Any]) -> tuple[Result, list[Point]]:

@@ -95,15 +95,15 @@ def execute(jobs: Sequence[Job], settings: Mapping[str, Settings], ledger: Ledge
     waiting = list(jobs)
     tries = dict.fromkeys(jobs, 0)
     context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager:
-        reports = manager.Queue()
+    while waiting:
+        # A queue for each pool: a worker that is killed may leave it locked. Then reports are lost, and nothing else.
+        reports = context.Queue()
         relay = threading.Thread(target=_relay, args=(reports, listener), daemon=True)
         relay.start()
-        while waiting:
-            with _pool(min(workers, len(waiting)), context, reports) as pool:
-                waiting = _until_broken(pool, waiting, tries, settings, ledger, workers, listener)
+        with _pool(min(workers, len(waiting)), context, reports) as pool:
+            waiting = _until_broken(pool, waiting, tries, settings, ledger, workers, listener)
         reports.put(None)
-        relay.join()
+        relay.join(timeout=_REPORT)
 
 
 def _until_broken(
@@ -160,7 +160,7 @@ def _relay(reports: Any, listener: Listener) -> None:
     while True:
         try:
             status = reports.get()
-        except (EOFError, OSError):  # the experiment was interrupted
+        except Exception:  # the rest of a report whose sender was killed
             return
         if status is None:
             return
@@ -211,6 +211,7 @@ def _start(places: Any, reports: Any) -> None:
 
     global _reports
     _reports = reports
+    reports.cancel_join_thread()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     core = places.get()

@@ -199,9 +199,13 @@ class Settings:
         return task.bounds() if fixed else None
 
     def parameters(self) -> dict[str, Any]:
-        """The parameters of a learned descriptor, those left to their defaults included, as JSON values."""
+        """The parameters of a learned descriptor that matter, those left to their defaults included, as JSON values."""
         transformer = self._transformer()
-        return {} if isinstance(transformer, str) else dict(transformer.get_params())
+        if isinstance(transformer, str):
+            return {}
+        values = transformer.get_params()
+        unused = {"random_state", "verbose"} | ({"hidden"} if values.get("network") == "convolutional" else set())
+        return {name: value for name, value in values.items() if name not in unused}
 
     def as_json(self) -> dict[str, Any]:
         """As JSON values."""

@@ -1,0 +1,182 @@
+"""How fast and how well auto-encoders learn descriptors, and how fast CVT archives are.
+
+    python benchmarks/learned.py            # everything but the two below, about ten minutes
+    python benchmarks/learned.py --paper    # one update by the paper's protocol beside the default one: half an hour
+    python benchmarks/learned.py --ablations  # coverage by weight of the isometry and by length of training: an hour
+
+Errors are root mean square errors on the [-1, 1] scale, of throws that were never trained on.
+"""
+
+import argparse
+import itertools
+import time
+from functools import partial
+
+import numpy as np
+from sklearn.decomposition import PCA
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+import auroraqd
+from auroraqd.metrics import klc, reconstruction_error
+
+ROWS = 8_500
+BRIEF = {"network": "convolutional", "batch_size": 256, "learning_rate": 5e-3, "min_steps": 0}  # of the paper's variants here
+AS_THE_PAPER = auroraqd.Polynomial(at_least_one=False)
+
+
+def repertoire(seed, rows):
+    """Trajectories of a repertoire grown by AURORA-PCA, (rows, 50, 2)."""
+    task = auroraqd.tasks.Ballistic()
+    aurora = auroraqd.Aurora(2, PCA(n_components=2), seed=seed, variation=AS_THE_PAPER)
+    aurora.run(task, generations=5000, callback=lambda run: len(run.archive) >= rows + 200)
+    return aurora.archive.observation[np.random.default_rng(0).permutation(len(aurora.archive))[:rows]]
+
+
+def held_out_error(encoder, x, held_out):
+    low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
+    reconstruction = encoder.inverse_transform(encoder.transform(held_out))
+    return reconstruction_error(held_out * 2 / (high - low), reconstruction * 2 / (high - low)).mean()
+
+
+def flat_pca():
+    """Two-dimensional PCA of trajectories."""
+    flatten = FunctionTransformer(lambda x: x.reshape(len(x), -1), lambda x: x.reshape(len(x), -1, 2))
+    return make_pipeline(flatten, PCA(n_components=2))
+
+
+def updates(estimators):
+    """One update of the descriptor for each estimator."""
+    x, held_out = repertoire(0, ROWS), repertoire(1, 4_000)
+    print(f"### One update of the encoder: {ROWS} trajectories, held out {len(held_out)} of another run\n")
+    print("| descriptor | seconds | epochs of each repeat | RMSE held out |\n|---|---|---|---|")
+    for name, estimator in estimators.items():
+        since = time.perf_counter()
+        estimator.fit(x)
+        seconds = time.perf_counter() - since
+        epochs = ", ".join(map(str, getattr(estimator, "epochs_", [])))
+        print(f"| {name} | {seconds:.1f} | {epochs} | {held_out_error(estimator, x, held_out):.4f} |", flush=True)
+
+
+def encoding():
+    """Encoding a batch of 200, in the loop's own way."""
+    task = auroraqd.tasks.Ballistic()
+    print("\n### Encoding a batch of 200, milliseconds (median of 200)\n")
+    print("| network | descriptor | with the error of its reconstruction |\n|---|---|---|")
+    batch = np.random.default_rng(0).random((200, 2))
+    _, observation, truth = task(batch)
+    for network in ("convolutional", "mlp"):
+        aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(network=network, repeats=1, min_steps=0), seed=0)
+        descriptor = aurora.run(task, generations=2).descriptor
+        alone = median_seconds(partial(descriptor.describe_observation, observation), 200)
+        both = median_seconds(partial(descriptor.describe, batch, observation, truth), 200)
+        print(f"| {network} | {1e3 * alone:.2f} | {1e3 * both:.2f} |", flush=True)
+
+
+def median_seconds(function, times):
+    seconds = []
+    for _ in range(times):
+        since = time.perf_counter()
+        function()
+        seconds.append(time.perf_counter() - since)
+    return float(np.median(seconds))
+
+
+def paper_size():
+    """Whole runs with auto-encoders."""
+    print("\n### A run of paper size with an auto-encoder: 5,000 generations of 200\n")
+    print("| auto-encoder | seconds | stored | KLC | RMSE |\n|---|---|---|---|---|")
+    for name, options in (("the default", {}), ("that of the paper's variants", {**BRIEF, "isometry": 0.0})):
+        size, score, error, seconds = grown(options, seed=0, generations=5000)
+        print(f"| {name} | {seconds:.0f} | {size:,} | {score:.4f} | {error:.4f} |", flush=True)
+
+
+def grown(options, seed, generations):
+    """Size, KLC, RMSE and seconds of one run."""
+    task = auroraqd.tasks.Ballistic()
+    reference = auroraqd.Aurora(2, "hand-coded", seed=seed, variation=AS_THE_PAPER).run(task, generations=generations)
+    aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(2, **options), seed=seed, variation=AS_THE_PAPER)
+    since = time.perf_counter()
+    aurora.run(task, generations=generations)
+    seconds = time.perf_counter() - since
+    score = klc(reference.archive.ground_truth, aurora.archive.ground_truth)
+    return len(aurora.archive), score, aurora.history.last.rmse, seconds
+
+
+def cvt(cells=100_000, samples=200_000):
+    """Centroids of the box of trajectories, and generations of MAP-Elites on them."""
+    print(f"\n### CVT without prior: {cells:,} centroids in 100 dimensions\n")
+    points = np.random.default_rng(0).uniform(-1, 1, (samples, 100))
+    since = time.perf_counter()
+    found = auroraqd.tessellate(points, cells, steps=5, cache=False)
+    print(f"{found}: {time.perf_counter() - since:.0f} s")
+    task = auroraqd.tasks.Ballistic()
+    aurora = auroraqd.Aurora(2, "observation", prior=task.bounds(), archive=auroraqd.CVTArchive(found), seed=0)
+    aurora.run(task, generations=10)
+    seconds = [median_seconds(lambda: aurora.run(task, generations=1), 1) for _ in range(100)]
+    print(f"a generation of 200: {1e3 * np.median(seconds):.0f} ms (median of 100)", flush=True)
+
+
+def ablations(generations=1500, seeds=2):
+    """What the weight of the isometry and the length of training do to coverage and reconstruction."""
+    print(f"### AURORA-AE incremental at {generations} generations, {seeds} seeds\n")
+    print("| isometry | training | stored | KLC | RMSE |\n|---|---|---|---|---|")
+    brief, thorough = BRIEF, {"network": "convolutional"}
+    cases = [(weight, "brief", brief) for weight in (0.0, 1.0, 5.0, 20.0, 80.0)]
+    cases += [(weight, "the default", thorough) for weight in (0.0, 20.0)]
+    cases += [(weight, "brief, weights anew at each update", {**brief, "warm_start": False}) for weight in (0.0, 20.0)]
+    for weight, name, options in cases:
+        rows = [grown({**options, "isometry": weight}, seed, generations) for seed in range(seeds)]
+        cells = [", ".join(form.format(row[i]) for row in rows) for i, form in enumerate(("{:,}", "{:.4f}", "{:.4f}"))]
+        print(f"| {weight:g} | {name} | {' | '.join(cells)} |", flush=True)
+    pretrained(generations, seeds)
+
+
+def pretrained(generations, seeds):
+    """What the length of training on the prior data set does."""
+    task = auroraqd.tasks.Ballistic()
+    print(f"\n### AURORA-AE pre-trained at {generations} generations, {seeds} seeds\n")
+    print("| validation split | epochs | stored | KLC | RMSE |\n|---|---|---|---|---|")
+    for split, epochs in itertools.product((0.0, 0.25), (12, 60, 300)):
+        sizes, scores, errors = [], [], []
+        for seed in range(seeds):
+            reference = auroraqd.Aurora(2, "hand-coded", seed=seed, variation=AS_THE_PAPER).run(task, generations=generations)
+            encoder = auroraqd.AutoEncoder(2, **BRIEF, isometry=0.0, validation=split, max_epochs=epochs)
+            aurora = auroraqd.Aurora(2, encoder, seed=seed, variation=AS_THE_PAPER, prior=task.prior())
+            aurora.run(task, generations=generations)
+            sizes.append(f"{len(aurora.archive):,}")
+            scores.append(f"{klc(reference.archive.ground_truth, aurora.archive.ground_truth):.4f}")
+            errors.append(f"{aurora.history.last.rmse:.4f}")
+        print(f"| {split:g} | {5 * epochs} | {', '.join(sizes)} | {', '.join(scores)} | {', '.join(errors)} |", flush=True)
+
+
+def main():
+    default = {
+        "PCA": flat_pca(),
+        "auto-encoder, the default": auroraqd.AutoEncoder(2, random_state=0),
+        "auto-encoder, convolutional": auroraqd.AutoEncoder(2, network="convolutional", random_state=0),
+        "auto-encoder, that of the paper's variants": auroraqd.AutoEncoder(2, **BRIEF, isometry=0.0, random_state=0),
+    }
+    updates(default)
+    encoding()
+    paper_size()
+    cvt()
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--paper", action="store_true")
+    parser.add_argument("--ablations", action="store_true")
+    chosen = parser.parse_args()
+    if chosen.paper:
+        literal = auroraqd.AutoEncoder.paper(max_epochs=2_000, random_state=0, verbose=True)
+        updates(
+            {
+                "auto-encoder, the default": auroraqd.AutoEncoder(2, random_state=0),
+                "auto-encoder, the paper's protocol": literal,
+            }
+        )
+    if chosen.ablations:
+        ablations()
+    if not (chosen.paper or chosen.ablations):
+        main()

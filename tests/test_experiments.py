@@ -1,0 +1,406 @@
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import image
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import ranksums
+
+import auroraqd
+from auroraqd import storage
+from auroraqd.experiments import runner, settings, variants
+from auroraqd.experiments.ledger import Ledger
+from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
+from auroraqd.experiments.runner import execute, plan
+from auroraqd.experiments.statistics import Quartiles, rank_sums, summaries
+from auroraqd.experiments.variants import BALLISTIC, base
+from auroraqd.report import write_report
+
+SMALL = base(generations=4, batch_size=40)
+FEW = [BALLISTIC[name] for name in ("hand-coded", "pca-incremental", "genotype")]
+
+
+class Quiet:
+    """A listener that remembers."""
+
+    def __init__(self):
+        self.results, self.given_up, self.statuses = [], [], []
+
+    def progress(self, status):
+        self.statuses.append(status)
+
+    def finished(self, result):
+        self.results.append(result)
+
+    def failed_run(self, job, reason):
+        self.given_up.append((job.variant, job.replication, reason))
+
+
+def run_all(ledger, chosen=FEW, replications=2, base=SMALL, workers=2, listener=None):
+    listener = listener or Quiet()
+    jobs, known = plan(ledger, chosen, replications, base)
+    execute(jobs, known, ledger, workers, listener)
+    return listener
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("experiment")
+    run_all(Ledger(folder))
+    return folder
+
+
+def result(variant="pca-incremental", replication=0, **values):
+    numbers = {name: kind(replication + 1) for name, kind in Result.__annotations__.items() if kind is not str}
+    return Result(**{**numbers, "variant": variant, "replication": replication, **values})
+
+
+def test_the_papers_eight_are_there():
+    paper = {name: variant.paper for name, variant in BALLISTIC.items() if variant.paper is not None}
+    assert paper == {
+        "hand-coded": 0.0,
+        "genotype": 0.686,
+        "pca-incremental": 0.051,
+        "pca-pretrained": 0.053,
+        "ae-incremental": 0.097,
+        "ae-pretrained": 0.528,
+        "cvt-prior": 0.704,
+        "cvt": 3.2,
+    }
+    for name, variant in BALLISTIC.items():
+        made = variant.of(base(), 7)
+        assert (made.seed, made.generations, made.batch_size, made.variation.at_least_one) == (7, 5000, 200, False)
+        assert settings.Settings.from_json(json.loads(json.dumps(made.as_json()))) == made
+        assert made.pretrained == (name.split("-")[1:2] in (["pretrained"], ["prior"]))
+
+
+def test_pretrained_without_a_split():
+    assert BALLISTIC["ae-pretrained"].of(SMALL, 0).parameters()["validation"] == 0
+    assert BALLISTIC["ae-pretrained-split"].of(SMALL, 0).parameters()["validation"] == 0.25
+    one, other = (BALLISTIC[name].of(SMALL, 0).parameters() for name in ("ae-incremental", "ae-isometric"))
+    assert {key for key in one if one[key] != other[key]} == {"isometry"}
+
+
+def test_looked_at():
+    assert sorted(looked_at(5000))[:9] == [1, 2, 5, 10, 20, 35, 50, 100, 200]
+    assert max(looked_at(5000)) == 5000
+    assert looked_at(3) == {1, 2, 3}  # fewer generations than looks
+    assert looked_at(1) == {1}
+
+
+def test_results_are_measured_against_the_reference_of_the_replication(experiment):
+    ledger = Ledger(experiment)
+    assert [(r.variant, r.replication) for r in ledger.results] == [
+        (name, i) for name in ("genotype", "hand-coded", "pca-incremental") for i in range(2)
+    ]
+    for row in ledger.results:
+        repertoire = auroraqd.load(ledger.run_folder(row.variant, row.replication))
+        reference = auroraqd.load(ledger.run_folder("hand-coded", row.replication)).ground_truth
+        assert row.size == len(repertoire)
+        assert row.seed == row.replication
+        assert_allclose(row.klc, auroraqd.metrics.klc(reference, repertoire.ground_truth), rtol=1e-5)
+        assert_allclose(row.klc_marginal, auroraqd.metrics.klc(reference, repertoire.ground_truth, marginal=True), rtol=1e-5)
+        assert row.klc == 0 if row.variant == "hand-coded" else row.klc > 0
+        if row.variant == "pca-incremental":
+            assert_allclose(row.rmse, repertoire.reconstruction_error.mean(), rtol=1e-5)
+            error = auroraqd.metrics.reconstruction_error(repertoire.observation, repertoire.reconstruct(repertoire.descriptor))
+            assert_allclose(row.rmse_metres, error.mean(), rtol=1e-5)
+        else:
+            assert np.isnan(row.rmse)
+            assert np.isnan(row.rmse_metres)
+    last = [p for p in ledger.points if p.generation == 4]
+    assert [(p.variant, p.replication, p.size, p.klc) for p in last] == [
+        (r.variant, r.replication, r.size, r.klc) for r in ledger.results
+    ]
+    assert {p.generation for p in ledger.points} == looked_at(4)
+
+
+def test_a_run_is_the_same_alone(experiment, tmp_path):
+    """In a worker process or in this one."""
+    ledger = Ledger(experiment)
+    made = BALLISTIC["pca-incremental"].of(SMALL, 1)
+    alone, _ = replicate(
+        Job("pca-incremental", 1, made, tmp_path, ledger.run_folder("hand-coded", 1)), listener=lambda aurora: None
+    )
+    assert alone.size == next(r.size for r in ledger.results if (r.variant, r.replication) == ("pca-incremental", 1))
+    assert_array_equal(auroraqd.load(tmp_path).genotype, auroraqd.load(ledger.run_folder("pca-incremental", 1)).genotype)
+
+
+def test_what_is_done_is_skipped(experiment):
+    ledger = Ledger(experiment)
+    assert plan(ledger, FEW, 2, SMALL)[0] == []
+    jobs, _ = plan(ledger, FEW, 3, SMALL)
+    assert [(job.variant, job.replication) for job in jobs] == [("hand-coded", 2), ("pca-incremental", 2), ("genotype", 2)]
+    assert [job.settings.seed for job in jobs] == [2, 2, 2]
+
+
+def test_the_reference_is_grown_for_others_and_again_where_it_is_missing(tmp_path):
+    ledger = Ledger(tmp_path)
+    jobs, known = plan(ledger, [BALLISTIC["genotype"]], 1, SMALL)
+    assert [job.variant for job in jobs] == ["hand-coded", "genotype"]
+    assert set(known) == {"hand-coded", "genotype"}
+    ledger.add(known["hand-coded"], result("hand-coded"), [])  # its numbers came from elsewhere, without the repertoire
+    assert [job.variant for job in plan(ledger, [BALLISTIC["genotype"]], 1, SMALL)[0]] == ["hand-coded", "genotype"]
+    ledger.add(known["genotype"], result("genotype"), [])
+    assert plan(ledger, [BALLISTIC["genotype"]], 1, SMALL)[0] == []
+
+
+def test_results_of_other_settings_are_not_mixed(experiment):
+    with pytest.raises(ValueError, match=r"holds results of .* with other settings, generations 4 and not 5: choose another"):
+        plan(Ledger(experiment), FEW, 2, replace(SMALL, generations=5))
+    changed = replace(BALLISTIC["genotype"], settings={"descriptor": "genotype", "selection": settings.selection.Uniform()})
+    with pytest.raises(ValueError, match=r"holds results of genotype with other settings, selection"):
+        plan(Ledger(experiment), [changed], 2, SMALL)
+
+
+def test_defaults_of_an_estimator_are_settings_too(tmp_path, monkeypatch):
+    ledger = Ledger(tmp_path)
+    made = BALLISTIC["ae-incremental"].of(SMALL, 0)
+    ledger.add(made, result("ae-incremental"), [])
+    Ledger(tmp_path).check({"ae-incremental": made})
+    monkeypatch.setattr(settings.Settings, "parameters", lambda self: {"patience": 3})
+    with pytest.raises(ValueError, match="other settings, parameters"):
+        Ledger(tmp_path).check({"ae-incremental": made})
+
+
+@pytest.mark.parametrize("name", ["runs.csv", "curves.csv", "settings.json"])
+@pytest.mark.parametrize("content", ["", "variant,klc\n", "{", "[]", "variant\nx,y\n"])
+def test_damaged_results(experiment, tmp_path, name, content):
+    for file in ("runs.csv", "curves.csv", "settings.json"):
+        (tmp_path / file).write_bytes((experiment / file).read_bytes())
+    (tmp_path / name).write_text(content)
+    with pytest.raises(ValueError, match=rf"{name} is damaged"):
+        Ledger(tmp_path)
+
+
+def test_a_ledger_comes_back(tmp_path):
+    ledger = Ledger(tmp_path)
+    made = BALLISTIC["genotype"].of(SMALL, 0)
+    row = result("genotype", 3, klc=0.25, rmse=float("nan"))
+    ledger.add(made, row, [Point("genotype", 3, 1, 10, 0.5, float("nan"), 0.1)])
+    ledger.add(made, result("genotype", 0), [])
+    again = Ledger(tmp_path)
+    assert [r.replication for r in again.results] == [0, 3]
+    assert repr(again.results[1]) == repr(row)
+    assert repr(again.points) == repr([Point("genotype", 3, 1, 10, 0.5, float("nan"), 0.1)])
+    again.add(made, row._replace(klc=0.125), [])
+    assert [r.klc for r in Ledger(tmp_path).results] == [1.0, 0.125]
+    assert Ledger(tmp_path).points == []
+
+
+def test_a_failing_run_is_given_up_and_the_others_go_on(tmp_path):
+    ledger = Ledger(tmp_path)
+    jobs, known = plan(ledger, FEW, 2, SMALL)
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "genotype-0").write_text("in the way")
+    listener = Quiet()
+    execute(jobs, known, ledger, 2, listener)
+    assert [given_up[:2] for given_up in listener.given_up] == [("genotype", 0)]
+    assert "exists" in listener.given_up[0][2]
+    assert len(listener.results) == len(Ledger(tmp_path).results) == 5
+
+
+def test_without_its_reference_a_run_is_given_up_too(tmp_path):
+    ledger = Ledger(tmp_path)
+    jobs, known = plan(ledger, FEW, 1, SMALL)
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "hand-coded-0").write_text("in the way")
+    listener = Quiet()
+    execute(jobs, known, ledger, 2, listener)
+    assert sorted(name for name, _, _ in listener.given_up) == ["genotype", "hand-coded", "pca-incremental"]
+    assert ledger.results == []
+
+
+class Killer(Quiet):
+    """Kills workers, the first times it hears of one."""
+
+    def __init__(self, times):
+        super().__init__()
+        self.times = times
+
+    def progress(self, status):
+        super().progress(status)
+        if self.times > 0 and status.variant == "pca-incremental":
+            self.times -= 1
+            for child in multiprocessing.active_children():
+                if "Spawn" in type(child).__name__ and "Manager" not in child.name:
+                    child.kill()
+
+
+def test_a_worker_that_dies_is_replaced(tmp_path):
+    listener = Killer(1)
+    run_all(Ledger(tmp_path), replications=1, base=replace(SMALL, generations=400), workers=1, listener=listener)
+    assert listener.times == 0
+    assert listener.given_up == []
+    assert len(Ledger(tmp_path).results) == 3
+
+
+def test_a_run_that_kills_its_worker_twice_is_given_up(tmp_path):
+    listener = Killer(100)
+    run_all(Ledger(tmp_path), replications=1, base=replace(SMALL, generations=400), workers=1, listener=listener)
+    assert listener.given_up == [("pca-incremental", 0, "its process died")]
+    assert {r.variant for r in Ledger(tmp_path).results} == {"hand-coded", "genotype"}
+
+
+def test_workers_keep_to_one_thread_and_the_environment_is_restored(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("XLA_FLAGS", raising=False)
+    with runner._one_thread():
+        assert os.environ["OMP_NUM_THREADS"] == os.environ["NUMBA_NUM_THREADS"] == "1"
+        assert "multi_thread_eigen=false" in os.environ["XLA_FLAGS"]
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+    assert "XLA_FLAGS" not in os.environ
+
+
+def test_quartiles_and_summaries():
+    assert Quartiles.of(np.array([1.0, 2.0, 3.0, 4.0, np.nan])) == (2.5, 1.75, 3.25)
+    assert np.isnan(Quartiles.of(np.array([np.nan]))).all()
+    rows = [result("genotype", i, klc=float(i)) for i in range(5)] + [result("cvt", 0, klc=9.0)]
+    found = summaries(rows, BALLISTIC)
+    assert [(s.variant.name, s.replications, s.measures["klc"].median) for s in found] == [
+        ("genotype", 5, 2.0),
+        ("cvt", 1, 9.0),
+    ]
+
+
+def test_rank_sums():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=40), rng.normal(size=50) + 0.4
+    rows = [result("genotype", i, klc=float(v)) for i, v in enumerate(a)]
+    rows += [result("cvt", i, klc=float(v)) for i, v in enumerate(b)]
+    tests = rank_sums([*rows, result("hand-coded", 0, klc=0.0)], "klc")
+    assert set(tests) == {("genotype", "cvt")}
+    assert tests["genotype", "cvt"] == pytest.approx(ranksums(a, b).pvalue, rel=0.05)
+    exact = [result("genotype", i, klc=float(i)) for i in range(3)] + [result("cvt", i, klc=9.0 + i) for i in range(3)]
+    assert rank_sums(exact, "klc")["genotype", "cvt"] == pytest.approx(0.1)  # 2 of 20 orders
+
+
+def test_report(experiment):
+    files = write_report(Ledger(experiment), BALLISTIC)
+    assert {f.name for f in files} == {
+        *("summary.csv", "summary.md"),
+        *(f"{name}.{suffix}" for name in ("curves", "repertoires") for suffix in ("png", "svg")),
+    }
+    for path in files:
+        if path.suffix == ".png":
+            pixels = image.imread(path)[..., :3]
+            assert (pixels < 0.9).any(axis=2).mean() > 0.01
+            assert len(np.unique((pixels * 8).astype(int).reshape(-1, 3), axis=0)) > 5
+    header, *lines = (experiment / "summary.csv").read_text().splitlines()
+    table = {line.split(",")[0]: dict(zip(header.split(","), line.split(","), strict=True)) for line in lines}
+    assert list(table) == ["hand-coded", "genotype", "pca-incremental"]
+    assert table["genotype"]["klc_paper"] == "0.686"
+    klcs = [r.klc for r in Ledger(experiment).results if r.variant == "genotype"]
+    assert float(table["genotype"]["klc_median"]) == pytest.approx(np.median(klcs), rel=1e-4)
+    text = (experiment / "summary.md").read_text()
+    assert "| AURORA-PCA incremental | 2 | 0.051 |" in text
+    assert "Rank-sum tests on the KLC" in text
+
+
+def test_report_without_repertoires(experiment, tmp_path):
+    """Numbers of another machine."""
+    for file in ("runs.csv", "curves.csv", "settings.json"):
+        (tmp_path / file).write_bytes((experiment / file).read_bytes())
+    names = {path.name for path in write_report(Ledger(tmp_path), BALLISTIC)}
+    assert names == {"summary.csv", "summary.md", "curves.png", "curves.svg"}
+
+
+def test_quickened_variants_build(tmp_path, monkeypatch):
+    monkeypatch.setenv("AURORAQD_CACHE", str(tmp_path))
+    for variant in variants.quickened(BALLISTIC).values():
+        _, aurora = variant.of(SMALL, 0).build()
+        assert aurora.generation == 0
+
+
+COMMAND = [sys.executable, "-W", "error", "-m", "auroraqd.cli", "reproduce", "ballistic"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+def test_command_is_interrupted_and_goes_on(tmp_path):
+    """Killed, then interrupted, then left alone: no process survives its parent, and no result is lost."""
+    arguments = [*COMMAND, "--variants", "pca-incremental,genotype", "--replications", "3", "--generations", "300"]
+    arguments += ["--out", str(tmp_path / "out"), "--jobs", "1"]
+
+    def done():
+        path = tmp_path / "out" / "runs.csv"
+        return len(path.read_text().splitlines()) - 1 if path.is_file() else 0
+
+    for end in (signal.SIGKILL, signal.SIGINT):
+        before = done()
+        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        deadline = time.monotonic() + 120
+        while done() == before and time.monotonic() < deadline:
+            time.sleep(0.05)
+        children = _children(process.pid)
+        assert children
+        process.send_signal(end)
+        output, _ = process.communicate(timeout=60)
+        assert process.returncode == (130 if end == signal.SIGINT else -signal.SIGKILL)
+        assert "Traceback" not in output
+        assert ("the same command goes on" in output) == (end == signal.SIGINT)
+        deadline = time.monotonic() + 30
+        while any(map(_alive, children)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not any(map(_alive, children))
+    kept = done()
+    assert 2 <= kept < 9
+    finished = subprocess.run(arguments, capture_output=True, text=True, timeout=300, check=False)
+    assert finished.returncode == 0, finished.stdout + finished.stderr
+    assert f"{9 - kept} runs to do, {kept} done before" in finished.stdout
+    assert done() == 9
+    again = subprocess.run(arguments, capture_output=True, text=True, timeout=300, check=True)
+    assert "0 runs to do, 9 done before" in again.stdout
+    assert "Rank-sum tests" in again.stdout
+
+
+def _stat(pid):
+    """The fields of a process after its name; none when it has ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ["Z", "0"]
+
+
+def _children(pid):
+    return [int(entry) for entry in os.listdir("/proc") if entry.isdigit() and _stat(entry)[1] == str(pid)]
+
+
+def _alive(pid):
+    return _stat(pid)[0] != "Z"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--variants", "pca,magic"], "variants must be of hand-coded, genotype,"),
+        (["--replications", "0"], "replications must be 1 or more, got 0"),
+        (["--jobs", "0"], "jobs must be 1 or more, got 0"),
+        (["--generations", "-1"], "generations must be 1 or more, got -1"),
+    ],
+)
+def test_mistakes_get_a_sentence(tmp_path, arguments, message):
+    done = subprocess.run([*COMMAND, *arguments, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert message in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_command_with_results_of_other_settings(experiment):
+    done = subprocess.run(
+        [*COMMAND, "--variants", "genotype", "--generations", "9", "--out", str(experiment)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "with other settings, generations 4 and not 9" in " ".join(done.stderr.split())
+    assert storage.load_config(experiment / "runs" / "genotype-0")["generations"] == 4
