@@ -1,10 +1,13 @@
-"""Files that are replaced as a whole: a crash leaves the old one or the new one, never half of one."""
+"""Files: replaced as a whole, so that a crash leaves the old one or the new one, never half of one; and tables of records."""
 
 import contextlib
+import csv
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+_Row = TypeVar("_Row", bound=tuple)
 
 
 @contextlib.contextmanager
@@ -31,3 +34,20 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+def read_table(path: Path, kind: type[_Row]) -> list[_Row]:
+    """The records of a CSV file whose columns are the fields of a `NamedTuple`, of strings and numbers.
+
+    Raises:
+        ValueError: the file is damaged.
+    """
+    fields: dict[str, Any] = kind.__annotations__
+    try:
+        with path.open(newline="") as file:
+            header, *rows = csv.reader(file)
+        if header != list(fields):
+            raise ValueError(f"the columns must be {', '.join(fields)}")
+        return [kind(*(of(value) for of, value in zip(fields.values(), row, strict=True))) for row in rows]
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path} is damaged: {error}") from None

@@ -10,7 +10,6 @@ one. Loading runs no code from a file: arrays are safetensors, scikit-learn esti
 unpickled.
 """
 
-import csv
 import io
 import json
 import math
@@ -28,7 +27,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as save_tensors
 
-from auroraqd._files import replacing
+from auroraqd._files import read_table, replacing
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import OBSERVATION, Descriptor
 from auroraqd.history import Record
@@ -117,16 +116,7 @@ def load_history(folder: str | os.PathLike) -> list[Record]:
         FileNotFoundError: there are none.
         ValueError: they are damaged.
     """
-    path = _existing(folder, HISTORY)
-    kinds = Record.__annotations__.values()
-    try:
-        with path.open(newline="") as file:
-            header, *rows = csv.reader(file)
-        if tuple(header) != Record._fields:
-            raise ValueError(f"the columns must be {', '.join(Record._fields)}")
-        return [Record(*(kind(value) for kind, value in zip(kinds, row, strict=True))) for row in rows]
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
+    return read_table(_existing(folder, HISTORY), Record)
 
 
 def settings_of(aurora: Aurora) -> dict[str, Any]:

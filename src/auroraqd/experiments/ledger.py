@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from auroraqd._files import replacing
+from auroraqd._files import read_table, replacing
 from auroraqd.experiments.replication import Point, Result
 from auroraqd.experiments.settings import Settings
 
@@ -35,8 +35,8 @@ class Ledger:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.results: list[Result] = _read(folder / RUNS, Result)
-        self.points: list[Point] = _read(folder / CURVES, Point)
+        self.results: list[Result] = _table(folder / RUNS, Result)
+        self.points: list[Point] = _table(folder / CURVES, Point)
         self._settings: dict[str, Any] = _read_settings(folder / SETTINGS)
 
     def check(self, variants: Mapping[str, Settings]) -> None:
@@ -91,18 +91,8 @@ def _read_settings(path: Path) -> dict[str, Any]:
     return values
 
 
-def _read(path: Path, kind: type[_Row]) -> list[_Row]:
-    if not path.is_file():
-        return []
-    kinds = list(kind.__annotations__.values())
-    try:
-        with path.open(newline="") as file:
-            header, *rows = csv.reader(file)
-        if tuple(header) != kind._fields:
-            raise ValueError(f"the columns must be {', '.join(kind._fields)}")
-        return [kind(*(k(value) for k, value in zip(kinds, row, strict=True))) for row in rows]
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
+def _table(path: Path, kind: type[_Row]) -> list[_Row]:
+    return read_table(path, kind) if path.is_file() else []
 
 
 def _csv(kind: type[_Row], rows: Iterable[_Row]) -> str:
