@@ -99,11 +99,7 @@ def train(
     When an epoch gives a NaN or an infinity, training ends with the weights that were the best before.
     """
     n = len(x)
-    padded = _LEAST_ROWS
-    while padded < n:
-        padded *= 4
-    size = padded if protocol.batch_size is None else min(protocol.batch_size, padded)
-    padded = -(-padded // size) * size
+    size, padded = _sizes(n, protocol.batch_size)
     data = jnp.asarray(np.concatenate([x, np.zeros((padded - n, x.shape[1]), np.float32)]))
     weights, structure = eqx.partition(jax.tree.map(jnp.asarray, network), eqx.is_array)
     # What only changes how long the loop runs is left out of what it is compiled for.
@@ -146,6 +142,18 @@ def train(
             break
     trained = jax.tree.map(np.asarray, weights)
     return Trained(eqx.combine(trained, structure), epochs, rmse, diverged)
+
+
+def _sizes(n: int, batch_size: int | None) -> tuple[int, int]:
+    """Rows a step, and rows with padding: a multiple of it, of which there are few for all n."""
+    if batch_size is None:  # padding would cost as much as rows do
+        size = -(-n // _LEAST_ROWS) * _LEAST_ROWS
+        return size, size
+    padded = _LEAST_ROWS
+    while padded < n:
+        padded *= 4
+    size = min(batch_size, padded)
+    return size, -(-padded // size) * size
 
 
 def _split(data: Array, n: int, protocol: Protocol, rng: np.random.Generator) -> _Rows:
