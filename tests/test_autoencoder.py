@@ -168,6 +168,16 @@ def test_warm_start_goes_on():
     assert warm.n_fits_ == 1
 
 
+def test_changed_parameters_take_effect_at_the_next_fit():
+    x = throws(300)
+    encoder = auroraqd.AutoEncoder(random_state=0, **SHORT).fit(x)
+    before = encoder.transform(x)
+    encoder.set_params(n_components=3, hidden=(4,), network="convolutional")
+    assert_array_equal(encoder.transform(x), before)
+    assert encoder.fit(x).transform(x).shape == (300, 3)
+    assert encoder.n_fits_ == 1  # another network: from the start
+
+
 def test_early_stopping():
     x = np.random.default_rng(0).normal(size=(80, 40))  # nothing to be learned but noise
     encoder = auroraqd.AutoEncoder(split_above=10, patience=5, max_epochs=300, random_state=0, decay="none").fit(x)
@@ -286,7 +296,7 @@ def test_progress_is_reported(capsys):
     assert seen[-1][:4] == (2, 2, 6, 6)
     assert 0 < seen[-1].error < 2
     auroraqd.AutoEncoder(random_state=0, verbose=True, **SHORT).fit(throws(100))
-    assert "error=" in capsys.readouterr().out
+    assert "repeat 2/2, epoch 6/6, validation RMSE 0." in capsys.readouterr().out
     assert len(seen) < 100  # not after each epoch
 
 

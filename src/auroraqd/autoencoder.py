@@ -9,6 +9,7 @@ one place and small ones in another, and an archive, which spaces individuals ev
 behaviours unevenly. `isometry` weighs a term that keeps distances: see `auroraqd.training.distortion`.
 """
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -81,7 +82,6 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         random_state: seed of weights, splits and mini-batches. None: drawn from the system, or in `Aurora` from its seed.
 
     Attributes:
-        observation_shape_: shape of one observation.
         epochs_: epochs done, for each repeat of the last `fit`.
         validation_rmse_: RMSE of the validation rows on the [-1, 1] scale at the end of the last `fit`, with the final weights.
     """
@@ -162,6 +162,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             ValueError: a parameter is out of range, or `x` is empty, has a NaN or an infinity, or a shape that the network does
                 not take. The estimator stays as it was.
         """
+        from auroraqd import networks
         from auroraqd.training import train
 
         protocol = self._protocol()
@@ -171,11 +172,12 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             raise ValueError(
                 f"n_components must be at most {x[0].size}, the entries of an observation, got {self.n_components}"
             )
-        goes_on = self.warm_start and hasattr(self, "weights_") and self.observation_shape_ == shape
+        architecture = self._architecture(shape)
+        goes_on = self.warm_start and getattr(self, "architecture_", None) == architecture
         fits = self.n_fits_ if goes_on else 0
-        seed = self.random_state if self.random_state is None else [self.random_state, fits]
+        seed = None if self.random_state is None else [whole("random_state", self.random_state, least=0), fits]
         rng = np.random.default_rng(seed)
-        start = self._filled(self.weights_, shape) if goes_on else self._network(shape, rng)
+        start = networks.filled(self.weights_, **architecture) if goes_on else networks.random(**architecture, rng=rng)
         scaling = Scaling.of(x)
         rows = scaling.scaler(x[0].size)(x).astype(np.float32)
         trained = train(start, rows, protocol, rng, self._listener())
@@ -188,7 +190,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         import jax
 
         self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(trained.network)]
-        self.observation_shape_ = shape
+        self.architecture_ = architecture
         self.low_, self.high_ = scaling
         self.epochs_ = trained.epochs
         self.validation_rmse_ = trained.rmse
@@ -218,9 +220,15 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         """
         scaler, network = self._in_use()
         z = np.asarray(z, np.float64)
-        if z.ndim != 2 or z.shape[1] != self.n_components:
-            raise ValueError(f"z must have shape (n, {self.n_components}), got {z.shape}")
+        n_components = self.architecture_["n_components"]
+        if z.ndim != 2 or z.shape[1] != n_components:
+            raise ValueError(f"z must have shape (n, {n_components}), got {z.shape}")
         return scaler.inverse(network.decode(z)).reshape(len(z), *self.observation_shape_)
+
+    @property
+    def observation_shape_(self) -> tuple[int, ...]:
+        """Shape of one observation."""
+        return tuple(self.architecture_["shape"])
 
     def __getstate__(self) -> dict[str, Any]:
         state: Any = super().__getstate__()
@@ -249,21 +257,12 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             isometry=number("isometry", self.isometry),
         )
 
-    def _network(self, shape: tuple[int, ...], rng: np.random.Generator) -> "AutoEncoderNetwork":
-        from auroraqd import networks
-
-        if self.network == "convolutional":
-            return networks.convolutional(shape, self.n_components, rng)
-        if self.network == "mlp":
-            hidden = [whole("hidden", width) for width in self.hidden]
-            return networks.mlp(int(np.prod(shape)), self.n_components, hidden, rng)
-        raise ValueError(f"network must be one of mlp, convolutional, got {self.network!r}")
-
-    def _filled(self, weights: Sequence[np.ndarray], shape: tuple[int, ...]) -> "AutoEncoderNetwork":
-        """The network with these weights."""
-        import jax
-
-        return jax.tree.unflatten(jax.tree.structure(self._network(shape, np.random.default_rng(0))), weights)
+    def _architecture(self, shape: tuple[int, ...]) -> dict[str, Any]:
+        """What the network is made of; kept as it was fitted, whatever becomes of the parameters."""
+        if self.network not in ("mlp", "convolutional"):
+            raise ValueError(f"network must be one of mlp, convolutional, got {self.network!r}")
+        hidden = [whole("hidden", width) for width in self.hidden] if self.network == "mlp" else []
+        return {"kind": self.network, "shape": list(shape), "n_components": int(self.n_components), "hidden": hidden}
 
     def _in_use(self) -> tuple[Scaler, "AutoEncoderNetwork"]:
         """The fitted network in float64: then a copy described in a batch of another size differs in its last bits only,
@@ -272,9 +271,10 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         if not hasattr(self, "weights_"):
             raise NotFittedError("this AutoEncoder has not been fitted yet: call fit first")
         if getattr(self, "_use", None) is None:
-            shape = tuple(self.observation_shape_)
-            network = self._filled([weight.astype(np.float64) for weight in self.weights_], shape)
-            self._use = Scaling(self.low_, self.high_).scaler(int(np.prod(shape))), network
+            from auroraqd import networks
+
+            network = networks.filled([weight.astype(np.float64) for weight in self.weights_], **self.architecture_)
+            self._use = Scaling(self.low_, self.high_).scaler(math.prod(self.observation_shape_)), network
         assert self._use is not None
         return self._use
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import numpy as np
 
 Array = Any  # of NumPy or of JAX
@@ -41,6 +42,23 @@ class AutoEncoderNetwork(eqx.Module):
     def decode(self, z: Array) -> Array:
         """(n, n_components) to (n, features)."""
         return _through(self.decoder, z)
+
+
+def random(
+    kind: str, shape: Sequence[int], n_components: int, hidden: Sequence[int], rng: np.random.Generator
+) -> AutoEncoderNetwork:
+    """A network of a kind, "mlp" or "convolutional", for observations of a shape, with random weights."""
+    if kind == "convolutional":
+        return convolutional(tuple(shape), n_components, rng)
+    return mlp(math.prod(shape), n_components, hidden, rng)
+
+
+def filled(
+    weights: Sequence[np.ndarray], kind: str, shape: Sequence[int], n_components: int, hidden: Sequence[int]
+) -> AutoEncoderNetwork:
+    """The same with these weights, in the order of `jax.tree.leaves`."""
+    structure = jax.tree.structure(random(kind, shape, n_components, hidden, np.random.default_rng(0)))
+    return jax.tree.unflatten(structure, weights)
 
 
 def mlp(features: int, n_components: int, hidden: Sequence[int], rng: np.random.Generator) -> AutoEncoderNetwork:

@@ -55,6 +55,9 @@ class Progress(NamedTuple):
     max_epochs: int
     error: float  # root mean square error of the validation rows
 
+    def __str__(self) -> str:
+        return f"repeat {self.repeat}/{self.repeats}, epoch {self.epoch}/{self.max_epochs}, validation RMSE {self.error:.4f}"
+
 
 class Trained(NamedTuple):
     """What a training gave."""
