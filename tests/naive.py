@@ -1,6 +1,7 @@
 """Plain-Python twins of the compiled kernels: slow, short, written from the rules and not from the kernels."""
 
 import math
+from itertools import pairwise
 
 
 def squared_distance(a, b):
@@ -221,3 +222,45 @@ def max_pooling(image):
         [max(image[u][v] for u in range(t, min(t + 2, steps)) for v in range(c, min(c + 2, channels))) for c in range(channels)]
         for t in range(steps)
     ]
+
+
+def arm(angles, length=0.225):
+    """Joints of an arm with relative angles, and its links as pairs of end points."""
+    x = y = total = 0.0
+    joints = [(x, y)]
+    for angle in angles:
+        total += angle
+        x, y = x + length * math.cos(total), y + length * math.sin(total)
+        joints.append((x, y))
+    return joints, list(pairwise(joints))
+
+
+def gaps(links, place, half_width=0.009, radius=0.05):
+    """From flat-ended links to a puck; a puck whose middle is inside counts as deep inside."""
+    found = []
+    for (ax, ay), (bx, by) in links:
+        length = math.dist((ax, ay), (bx, by))
+        ux, uy = (bx - ax) / length, (by - ay) / length
+        along = (place[0] - ax) * ux + (place[1] - ay) * uy
+        across = (place[1] - ay) * ux - (place[0] - ax) * uy
+        beyond = max(-along, along - length, 0.0), max(abs(across) - half_width, 0.0)
+        found.append(math.hypot(*beyond) - radius if any(beyond) else -math.inf)
+    return found
+
+
+def bounce(vx, vy, spin, normal, body, threshold, radius=0.05, restitution=0.8, friction=0.8):
+    """Impact of a disc of mass 1 on an immovable body, from the momentum at the point of contact."""
+    contact = (-radius * normal[0], -radius * normal[1])
+    point = (vx - spin * contact[1] - body[0], vy + spin * contact[0] - body[1])
+    tangent = (-normal[1], normal[0])
+    approach = point[0] * normal[0] + point[1] * normal[1]
+    slip = point[0] * tangent[0] + point[1] * tangent[1]
+    if approach >= 0:
+        return vx, vy, spin
+    push = -approach * (1 + (restitution if -approach > threshold else 0))
+    inertia = radius * radius / 2
+    grip = -slip / (1 + radius * radius / inertia)
+    grip = max(-friction * push, min(friction * push, grip))
+    impulse = (push * normal[0] + grip * tangent[0], push * normal[1] + grip * tangent[1])
+    torque = contact[0] * impulse[1] - contact[1] * impulse[0]
+    return vx + impulse[0], vy + impulse[1], spin + torque / inertia

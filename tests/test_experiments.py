@@ -196,6 +196,16 @@ def test_a_ledger_comes_back(tmp_path):
     assert Ledger(tmp_path).points == []
 
 
+def test_two_at_work_in_one_folder(tmp_path):
+    one, other = Ledger(tmp_path), Ledger(tmp_path)
+    made = BALLISTIC["genotype"].of(SMALL, 0)
+    one.add(made, result("genotype", 0), [])
+    other.add(made, result("genotype", 1), [])
+    assert [r.replication for r in Ledger(tmp_path).results] == [0, 1]
+    with pytest.raises(ValueError, match="other settings"):
+        other.add(replace(made, k=3), result("genotype", 2), [])
+
+
 def test_a_failing_run_is_given_up_and_the_others_go_on(tmp_path):
     ledger = Ledger(tmp_path)
     jobs, known = plan(ledger, FEW, 2, SMALL)

@@ -35,9 +35,12 @@ class Ledger:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.results: list[Result] = _table(folder / RUNS, Result)
-        self.points: list[Point] = _table(folder / CURVES, Point)
-        self._settings: dict[str, Any] = _read_settings(folder / SETTINGS)
+        self._read()
+
+    def _read(self) -> None:
+        self.results: list[Result] = _table(self.folder / RUNS, Result)
+        self.points: list[Point] = _table(self.folder / CURVES, Point)
+        self._settings: dict[str, Any] = _read_settings(self.folder / SETTINGS)
 
     def check(self, variants: Mapping[str, Settings]) -> None:
         """Make sure that results of these settings may be added.
@@ -61,7 +64,13 @@ class Ledger:
         return self.folder / FOLDERS / f"{variant}-{replication}"
 
     def add(self, settings: Settings, result: Result, points: Iterable[Point]) -> None:
-        """Write a result down, in place of one of the same run."""
+        """Write a result down, in place of one of the same run, beside what others have written meanwhile.
+
+        Raises:
+            ValueError: they were at work with other settings.
+        """
+        self._read()
+        self.check({result.variant: settings})
         run = result.variant, result.replication
         self.results = sorted([*(r for r in self.results if (r.variant, r.replication) != run), result], key=lambda r: r[:2])
         kept = [p for p in self.points if (p.variant, p.replication) != run]

@@ -86,6 +86,7 @@ def _rows(name: str, values: Any, n: int) -> np.ndarray:
     return array
 
 
-from auroraqd.tasks.ballistic import Ballistic  # noqa: E402 - tasks use Evaluation
+from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402 - tasks use Evaluation
+from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
 
-__all__ = ["Ballistic", "Evaluation", "TaskError"]
+__all__ = ["AirHockey", "Ballistic", "Evaluation", "TaskError"]

@@ -1,0 +1,282 @@
+"""The air-hockey task (paper, Sec. "Second scenario"): a four-joint arm pushes a puck that bounces off four walls.
+
+Constants are those of the code of the follow-up [1]; the ones of the paper were never published. The motors there dominate
+the masses, so the arm moves as its servos say, whatever it hits: its angles are known in closed form.
+
+The puck moves in straight lines between contacts, so time advances from contact to contact, not in small steps: from a
+distance to the nearest link and a bound of the speed at which it can shrink follows how long nothing can happen. Nothing
+is jumped over at any speed. In contact, steps are short enough for a link to move the puck by little.
+
+[1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from auroraqd import tasks
+from auroraqd._checks import number
+
+STEPS = 50
+"""Points of a trajectory, the first after 0.1 s."""
+
+JOINTS = 4
+LINK = 0.225  # m, length
+HALF_WIDTH = 0.009  # m, of a link
+TIP = 0.0135  # m, radius of the disc at the end
+WALL = 0.99  # m, from the middle of the room to a wall
+PUCK = 0.05  # m, radius
+START = (0.55, 0.5)  # m, where the puck is placed
+RATE = 0.3  # 1/s, joint speed over the distance to the target
+PHASE = 5.0  # s, of each of the two movements
+_FRICTION = 0.8  # geometric mean of 0.8 and 0.8
+_RESTITUTION = 0.8  # the larger of 0.8 and 0
+
+_NEAR = 1e-6  # m, a gap at which an unmoved puck counts as touched
+_CREEP = 2e-3  # m, how far bodies that touch may move towards each other at once
+_INTERVAL = PHASE / STEPS
+_LIMIT = WALL - PUCK  # of the middle of the puck
+_BODIES = JOINTS + 1  # links, and the tip
+
+
+@dataclass(frozen=True)
+class AirHockey:
+    """Two movements of an arm in, the path of a puck out.
+
+    Eight genes: four first and four final target angles, each (2 gene - 1) pi, relative to the link before. From joints at 0
+    the arm moves 5 s towards the first targets; the puck is placed at rest at (0.55, 0.5); the arm moves 5 s towards the
+    final targets. Called with genotypes, (n, 8) in [0, 1], it returns an `Evaluation`:
+
+    - fitness (n,): 0, as in the paper;
+    - observation (n, 50, 2): x and y of the puck every 0.1 s, in metres, from the middle of a room of 1.98 x 1.98 m;
+    - ground_truth (n, 2): the last of them.
+
+    Args:
+        restitution_threshold: m/s, an impact that is not faster does not bounce. 0: the puck always bounces, as in the paper;
+            1: as in the code of the follow-up, where most pucks stick to what they hit.
+
+    Raises:
+        ValueError: genotypes has the wrong shape, or leaves [0, 1]; restitution_threshold is negative.
+    """
+
+    restitution_threshold: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("restitution_threshold", self.restitution_threshold)
+
+    @property
+    def n_genes(self) -> int:
+        """Genes of a controller."""
+        return 2 * JOINTS
+
+    def __call__(self, genotypes: np.ndarray) -> "tasks.Evaluation":
+        """See the class."""
+        genotypes = np.asarray(genotypes, np.float64)
+        if genotypes.ndim != 2 or genotypes.shape[1] != self.n_genes:
+            raise ValueError(f"genotypes must have shape (n, {self.n_genes}), got {genotypes.shape}")
+        if not ((genotypes >= 0) & (genotypes <= 1)).all():
+            raise ValueError("genotypes must be in [0, 1]")
+        start, change = movement(genotypes)
+        observation = np.empty((len(genotypes), STEPS, 2))
+        _push(start, change, float(self.restitution_threshold), observation)
+        return tasks.Evaluation(np.zeros(len(genotypes)), observation, observation[:, -1].copy())
+
+
+def movement(genotypes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The second movement, with the puck: joint angles where it begins, and from there to the final targets, (n, 4) each.
+
+    At time t the angles are start + change (1 - exp(-0.3 t)).
+    """
+    targets = (2 * genotypes - 1) * np.pi
+    start = (1 - math.exp(-RATE * PHASE)) * targets[:, :JOINTS]
+    return start, targets[:, JOINTS:] - start
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _push(start, change, threshold, observation):
+    """Fill paths of the puck, (n, STEPS, 2), for movements of the arm, (n, JOINTS) each."""
+    arm = np.empty((_BODIES, 7))
+    puck = np.empty(5)
+    for i in range(start.shape[0]):
+        _one(start[i], change[i], threshold, arm, puck, observation[i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _one(start, change, threshold, arm, puck, path):
+    """One puck: x, y, their speeds and spin in `puck`, the arm in `arm`, see `_pose`."""
+    puck[0], puck[1] = START
+    puck[2] = puck[3] = puck[4] = 0.0
+    bound = _bound(change)
+    _pose(start, change, 0.0, arm)
+    for _ in range(_BODIES):  # placed onto the arm: out of one link at a time
+        gap = _contacts(arm, 0.0, threshold, puck)
+        if gap >= 0:
+            break
+    puck[2] = puck[3] = puck[4] = 0.0
+    # Until it is touched, in shares of the movement: a share of it moves no point of the arm by more than `bound` times that.
+    share = 0.0
+    while bound > 0:
+        _pose(start, change, share, arm)
+        gap = _gap(arm, puck[0], puck[1])
+        if gap <= _NEAR:
+            break
+        share += gap / bound
+        if share >= 1:
+            break
+    time = PHASE if share >= _share(PHASE) or bound == 0 else -math.log(1 - share) / RATE
+    for k in range(STEPS):
+        sample = (k + 1) * _INTERVAL
+        while time < sample:
+            time = _advance(start, change, bound, time, sample, threshold, arm, puck)
+        path[k, 0] = puck[0]
+        path[k, 1] = puck[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _advance(start, change, bound, time, end, threshold, arm, puck):
+    """Contacts now, then a straight line for as long as there can be none; returns the new time."""
+    share = _share(time)
+    rate = RATE * (1 - share)
+    _pose(start, change, share, arm)
+    gap = _contacts(arm, rate, threshold, puck)
+    _walls(threshold, puck)
+    speed = math.hypot(puck[2], puck[3]) + bound * rate
+    step = end - time
+    if speed > 0:
+        step = min(step, max(gap, _CREEP) / speed)
+        for axis in range(2):
+            if puck[2 + axis] > 0:
+                step = min(step, (_LIMIT - puck[axis]) / puck[2 + axis])
+            elif puck[2 + axis] < 0:
+                step = min(step, (-_LIMIT - puck[axis]) / puck[2 + axis])
+    puck[0] += step * puck[2]
+    puck[1] += step * puck[3]
+    return end if step >= end - time else time + max(step, 1e-9)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _share(time):
+    """The share of the movement done after a time."""
+    return 1 - math.exp(-RATE * time)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bound(change):
+    """How far the whole movement can move any point of the arm: every joint turns all links after it."""
+    total = turned = 0.0
+    for joint in range(JOINTS):
+        turned += change[joint]
+        total += abs(turned) * (LINK + TIP)
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pose(start, change, share, arm):
+    """The arm when a share of its movement is done, a line for each link and for the tip.
+
+    Where it begins, its direction, and how its beginning and its angle change with the share.
+    """
+    angle = x = y = dx = dy = turned = 0.0
+    for link in range(JOINTS):
+        angle += start[link] + change[link] * share
+        turned += change[link]
+        c, s = math.cos(angle), math.sin(angle)
+        _set(arm[link], x, y, c, s, dx, dy, turned)
+        x += LINK * c
+        y += LINK * s
+        dx -= LINK * s * turned
+        dy += LINK * c * turned
+    _set(arm[JOINTS], x, y, 1.0, 0.0, dx, dy, turned)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _set(line, x, y, c, s, dx, dy, turned):
+    line[0], line[1], line[2], line[3], line[4], line[5], line[6] = x, y, c, s, dx, dy, turned
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _separation(body, is_tip, px, py):
+    """The gap between a body and the puck, negative where they overlap, and the normal from the body to the puck."""
+    x, y = px - body[0], py - body[1]
+    if is_tip:
+        distance = math.hypot(x, y)
+        if distance == 0:
+            return -TIP - PUCK, 1.0, 0.0
+        return distance - TIP - PUCK, x / distance, y / distance
+    c, s = body[2], body[3]
+    along, across = x * c + y * s, y * c - x * s  # in the frame of the link
+    ax = along - min(max(along, 0.0), LINK)
+    ay = across - min(max(across, -HALF_WIDTH), HALF_WIDTH)
+    distance = math.hypot(ax, ay)
+    if distance > 0:
+        nx, ny = ax / distance, ay / distance
+        gap = distance - PUCK
+    else:  # the middle of the puck is in the link: out by the nearer side
+        nx, ny = 0.0, 1.0 if across >= 0 else -1.0
+        gap = abs(across) - HALF_WIDTH - PUCK
+    return gap, nx * c - ny * s, nx * s + ny * c
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gap(arm, x, y):
+    """From the puck to the nearest part of the arm."""
+    least = np.inf
+    for body in range(_BODIES):
+        least = min(least, _separation(arm[body], body == JOINTS, x, y)[0])
+    return least
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _contacts(arm, rate, threshold, puck):
+    """Move the puck out of what it overlaps, and let it bounce; returns the smallest gap there was.
+
+    `rate` is how fast the share of the movement grows.
+    """
+    least = np.inf
+    for body in range(_BODIES):
+        gap, nx, ny = _separation(arm[body], body == JOINTS, puck[0], puck[1])
+        least = min(least, gap)
+        if gap <= _NEAR:
+            puck[0] -= min(gap, 0.0) * nx
+            puck[1] -= min(gap, 0.0) * ny
+            # The point of contact moves with the body.
+            x, y = puck[0] - PUCK * nx - arm[body, 0], puck[1] - PUCK * ny - arm[body, 1]
+            u = rate * (arm[body, 4] - arm[body, 6] * y)
+            v = rate * (arm[body, 5] + arm[body, 6] * x)
+            bounce(puck, nx, ny, u, v, threshold)
+    return least
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _walls(threshold, puck):
+    """Bounces off the walls."""
+    for axis in range(2):
+        for side in (-1.0, 1.0):
+            if puck[axis] * side >= _LIMIT:
+                puck[axis] = side * _LIMIT
+                bounce(puck, -side * (1 - axis), -side * axis, 0.0, 0.0, threshold)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def bounce(puck, nx, ny, u, v, threshold):
+    """An impact of the puck on a body too heavy to be moved by it, with restitution and Coulomb friction.
+
+    Args:
+        puck: (5,) x, y, their speeds, spin; changed.
+        nx, ny: normal, from the body to the puck.
+        u, v: velocity of the body at the point of contact.
+        threshold: m/s, an impact that is not faster does not bounce.
+    """
+    normal = (puck[2] - u) * nx + (puck[3] - v) * ny
+    if normal >= 0:
+        return
+    push = -normal * (1 + (_RESTITUTION if -normal > threshold else 0.0))  # impulses for a mass of 1
+    # Along the tangent (-ny, nx), where the spin of the puck adds to its speed; a disc's moment of inertia is r^2 / 2, so an
+    # impulse changes the speed of the point of contact by three times itself.
+    slip = (puck[3] - v) * nx - (puck[2] - u) * ny - puck[4] * PUCK
+    grip = min(max(-slip / 3, -_FRICTION * push), _FRICTION * push)
+    puck[2] += push * nx - grip * ny
+    puck[3] += push * ny + grip * nx
+    puck[4] -= 2 * grip / PUCK

@@ -1,0 +1,222 @@
+import math
+
+import naive
+import numpy as np
+import pyb2d3
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose, assert_array_equal
+
+import auroraqd
+from auroraqd.tasks import air_hockey
+
+LIMIT = 0.94  # of the middle of the puck: its edge at 0.99
+START = np.array([0.55, 0.5])
+
+
+def moved(observation):
+    return np.abs(observation - START).max(axis=(1, 2)) > 1e-3
+
+
+@pytest.fixture(scope="module")
+def pushing():
+    """300 genotypes of which 240 move the puck."""
+    genotypes = np.random.default_rng(0).random((3000, 8))
+    moves = moved(auroraqd.tasks.AirHockey()(genotypes).observation)
+    return np.concatenate([genotypes[moves][:240], genotypes[~moves][:60]])
+
+
+def test_shapes_and_ground_truth():
+    task = auroraqd.tasks.AirHockey()
+    genotypes = np.random.default_rng(0).random((2000, task.n_genes))
+    fitness, observation, truth = task(genotypes)
+    assert task.n_genes == 8
+    assert observation.shape == (2000, 50, 2)
+    assert_array_equal(fitness, 0)
+    assert_array_equal(truth, observation[:, -1])
+    assert 0.15 < moved(observation).mean() < 0.25
+    assert_array_equal(observation, np.concatenate([task(part).observation for part in np.split(genotypes, 4)]))
+
+
+@pytest.mark.parametrize("threshold", [0.0, 1.0])
+def test_nothing_leaves_the_room(threshold):
+    rng = np.random.default_rng(1)
+    extreme = rng.integers(0, 3, (40_000, 8)) / 2
+    genotypes = np.concatenate([rng.random((60_000, 8)), extreme])
+    observation = auroraqd.tasks.AirHockey(restitution_threshold=threshold)(genotypes).observation
+    assert np.isfinite(observation).all()
+    assert np.abs(observation).max() <= LIMIT + 1e-12
+
+
+def engine(start, change, threshold, step=0.01):
+    """The same movement of the arm, kinematic, in Box2D 3: path of the puck every 0.1 s."""
+    world = pyb2d3.World(gravity=(0, 0), restitution_threshold=threshold)
+
+    def add(body, shape, restitution=0.0):
+        definition = pyb2d3.shape_def(density=0.2)
+        definition.material.friction = 0.8
+        definition.material.restitution = restitution
+        body.create_shape(definition, shape)
+        return body
+
+    room = world.create_static_body(position=(0, 0))
+    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        add(room, pyb2d3.box(0.01 if x else 1, 0.01 if y else 1, center=(x, y)))
+    half = air_hockey.LINK / 2
+    box = pyb2d3.box(half, air_hockey.HALF_WIDTH, center=(half, 0))
+    arm = [add(world.create_kinematic_body(position=(0, 0)), box) for _ in range(4)]
+    arm.append(add(world.create_kinematic_body(position=(0, 0)), pyb2d3.circle(radius=air_hockey.TIP)))
+    puck = add(world.create_dynamic_body(position=tuple(START)), pyb2d3.circle(radius=0.05), 0.8)
+
+    def pose(time):
+        angle = np.cumsum(start + change * (1 - math.exp(-0.3 * time)))
+        place = np.cumsum(air_hockey.LINK * np.stack([np.cos(angle), np.sin(angle)], axis=1), axis=0)
+        return np.append(angle, 0.0), np.concatenate([[[0.0, 0.0]], place])
+
+    path = []
+    for k in range(round(5 / step)):
+        (angle, place), (next_angle, next_place) = pose(k * step), pose((k + 1) * step)
+        for i, body in enumerate(arm):
+            body.set_transform(tuple(map(float, place[i])), pyb2d3.make_rot(float(angle[i])))
+            body.linear_velocity = tuple(map(float, (next_place[i] - place[i]) / step))
+            body.angular_velocity = float((next_angle[i] - angle[i]) / step)
+        world.step(step, 4)
+        path.append((puck.position[0], puck.position[1]))
+    return np.array(path)[9::10]
+
+
+@pytest.mark.parametrize("threshold", [0.0, 1.0])
+def test_agrees_with_an_engine(pushing, threshold):
+    """Which pucks move; where they are half a second after they were touched, and at the end, when chaos has had its say."""
+    ours = auroraqd.tasks.AirHockey(restitution_threshold=threshold)(pushing).observation
+    theirs = np.array([engine(*movement, threshold) for movement in zip(*air_hockey.movement(pushing), strict=True)])
+    one, other = moved(ours), moved(theirs)
+    both = one & other
+    assert both.sum() >= 0.95 * (one | other).sum()
+    assert both.sum() > 200
+    first = (np.abs(ours[both] - START).max(axis=2) > 1e-3).argmax(axis=1)
+    apart = np.linalg.norm(ours[both] - theirs[both], axis=2)
+    soon = apart[np.arange(len(apart)), np.minimum(first + 5, 49)]
+    print(f"threshold {threshold}: {both.sum()} of {(one | other).sum()} move in both")
+    print(f"apart after 0.5 s: median {np.median(soon):.4f} m, 90% {np.quantile(soon, 0.9):.4f} m")
+    print(f"apart at the end: median {np.median(apart[:, -1]):.4f} m, 90% {np.quantile(apart[:, -1], 0.9):.4f} m")
+    assert np.median(soon) <= 0.02
+    assert np.median(apart[:, -1]) <= 0.1
+
+
+def bounced(velocity, spin, normal, body=(0.0, 0.0), threshold=0.0):
+    puck = np.array([0.0, 0.0, *velocity, spin])
+    air_hockey.bounce(puck, *normal, *body, threshold)
+    return puck[2:]
+
+
+def test_a_wall_returns_four_fifths_of_the_normal_speed():
+    assert_allclose(bounced((-2.0, 0.0), 0.0, (1.0, 0.0)), [1.6, 0, 0])
+    assert_allclose(bounced((2.0, 0.0), 0.0, (1.0, 0.0)), [2.0, 0, 0])  # it is leaving
+    assert_allclose(bounced((-0.5, 0.0), 0.0, (1.0, 0.0), threshold=1.0), [0, 0, 0], atol=1e-15)
+    assert_allclose(bounced((0.0, 0.0), 0.0, (0.0, 1.0), body=(0.0, 0.5)), [0, 0.9, 0])  # struck
+
+
+def test_spin_and_friction_of_an_impact():
+    """Sliding, friction is 0.8 of the push; otherwise the point of contact comes to rest."""
+    sliding = bounced((5.0, -0.1), 0.0, (0.0, 1.0))
+    push = 0.1 * 1.8
+    assert_allclose(sliding, [5 - 0.8 * push, 0.08, -2 * 0.8 * push / 0.05])
+    rolling = bounced((0.3, -1.0), 0.0, (0.0, 1.0))
+    assert_allclose(rolling, [0.2, 0.8, -2 * 0.1 / 0.05])
+    assert_allclose(rolling[0] + rolling[2] * 0.05, 0, atol=1e-15)
+    spinning = bounced((0.0, -1.0), 6.0, (0.0, 1.0))
+    assert_allclose(spinning, [-0.1, 0.8, 6 - 2 * 0.1 / 0.05])
+
+
+finite = st.floats(-10, 10)
+
+
+@given(arrays(float, 3, elements=finite), st.floats(0, 2 * math.pi), st.tuples(finite, finite), st.sampled_from([0.0, 1.0]))
+def test_bounce_agrees_with_its_twin(moving, angle, body, threshold):
+    normal = (math.cos(angle), math.sin(angle))
+    ours = bounced(moving[:2], moving[2], normal, body, threshold)
+    assert_allclose(ours, naive.bounce(*moving.tolist(), normal, body, threshold), atol=1e-9)
+
+
+def test_separation_agrees_with_its_twin():
+    rng = np.random.default_rng(2)
+    for _ in range(500):
+        start, change = rng.uniform(-np.pi, np.pi, (2, 4))
+        arm = np.empty((5, 7))
+        share = rng.random()
+        air_hockey._pose(start, change, share, arm)
+        joints, links = naive.arm((start + change * share).tolist())
+        assert_allclose(arm[:, :2], joints, atol=1e-12)
+        x, y = rng.uniform(-1, 1, 2)
+        gaps = [air_hockey._separation(arm[body], body == 4, x, y) for body in range(5)]
+        assert_allclose(
+            [g[0] for g in gaps[:4] if g[0] > -0.05], [d for d in naive.gaps(links, (x, y)) if d > -0.05], atol=1e-12
+        )
+        assert_allclose(gaps[4][0], math.dist(joints[4], (x, y)) - 0.0635)
+        assert_allclose(air_hockey._gap(arm, x, y), min(g[0] for g in gaps))
+        for _, nx, ny in gaps:
+            assert_allclose(nx * nx + ny * ny, 1)
+
+
+def test_no_point_of_the_arm_moves_further_than_the_bound():
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        start, change = rng.uniform(-np.pi, np.pi, (2, 4))
+        before, after = np.empty((5, 7)), np.empty((5, 7))
+        a, b = np.sort(rng.random(2))
+        air_hockey._pose(start, change, a, before)
+        air_hockey._pose(start, change, b, after)
+        reach = air_hockey._bound(change) * (b - a)
+        assert np.linalg.norm(after[:, :2] - before[:, :2], axis=1).max() <= reach + 1e-12
+        corner = np.array([[air_hockey.LINK], [air_hockey.HALF_WIDTH]])
+        for one, other in zip(before[:4], after[:4], strict=True):
+            points = [line[:2, None] + np.array([[line[2], -line[3]], [line[3], line[2]]]) @ corner for line in (one, other)]
+            assert np.linalg.norm(points[1] - points[0]) <= reach + 1e-12
+
+
+def test_velocity_of_the_arm_is_the_derivative_of_its_place():
+    rng = np.random.default_rng(4)
+    start, change = rng.uniform(-np.pi, np.pi, (2, 4))
+    arms = [np.empty((5, 7)) for _ in range(3)]
+    for arm, share in zip(arms, (0.3 - 1e-6, 0.3, 0.3 + 1e-6), strict=True):
+        air_hockey._pose(start, change, share, arm)
+    assert_allclose(arms[1][:, 4:6], (arms[2][:, :2] - arms[0][:, :2]) / 2e-6, atol=1e-6)
+
+
+def test_a_puck_placed_onto_the_arm_is_pushed_out():
+    """Search for arms that lie where the puck is placed."""
+    genotypes = np.random.default_rng(5).random((20_000, 8))
+    genotypes[:, 4:] = 0.5 + (1 - math.exp(-1.5)) * (genotypes[:, :4] - 0.5)  # which then stay there
+    start, change = air_hockey.movement(genotypes)
+    assert_allclose(change, 0, atol=1e-12)
+    observation = auroraqd.tasks.AirHockey()(genotypes).observation
+    on_it = moved(observation)
+    assert 50 < on_it.sum() < 10_000
+    arm = np.empty((5, 7))
+    for i in np.flatnonzero(on_it)[:300]:
+        air_hockey._pose(start[i], change[i], 0.0, arm)
+        assert air_hockey._gap(arm, *observation[i, -1]) >= -1e-4
+        assert_allclose(observation[i], np.broadcast_to(observation[i, -1], (50, 2)), atol=2e-3)  # and stays there
+        assert np.linalg.norm(observation[i, -1] - START) < 0.13
+
+
+@pytest.mark.parametrize(
+    ("genotypes", "message"),
+    [
+        (np.zeros((3, 7)), r"genotypes must have shape \(n, 8\), got \(3, 7\)"),
+        (np.zeros(8), r"genotypes must have shape \(n, 8\)"),
+        (np.full((1, 8), 1.1), r"genotypes must be in \[0, 1\]"),
+        (np.full((1, 8), np.nan), r"genotypes must be in \[0, 1\]"),
+    ],
+)
+def test_bad_genotypes(genotypes, message):
+    with pytest.raises(ValueError, match=message):
+        auroraqd.tasks.AirHockey()(genotypes)
+
+
+def test_bad_threshold():
+    with pytest.raises(ValueError, match="restitution_threshold must be a finite number, 0 or more, got -1"):
+        auroraqd.tasks.AirHockey(restitution_threshold=-1)
