@@ -264,3 +264,15 @@ def bounce(vx, vy, spin, normal, body, threshold, radius=0.05, restitution=0.8, 
     impulse = (push * normal[0] + grip * tangent[0], push * normal[1] + grip * tangent[1])
     torque = contact[0] * impulse[1] - contact[1] * impulse[0]
     return vx + impulse[0], vy + impulse[1], spin + torque / inertia
+
+
+def diversity(trajectories, bins, low=-1.0, high=1.0):
+    """The share of squares passed by the trajectories that end in a square, summed over the squares."""
+
+    def square(point):
+        return tuple(min(max(math.floor((v - low) / (high - low) * bins), 0), bins - 1) for v in point)
+
+    passed = {}
+    for trajectory in trajectories:
+        passed.setdefault(square(trajectory[-1]), set()).update(square(point) for point in trajectory)
+    return sum(len(squares) for squares in passed.values()) / bins**2

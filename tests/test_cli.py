@@ -178,6 +178,16 @@ def test_run_with_an_autoencoder(tmp_path):
     assert repertoire.reconstruct(repertoire.descriptor).shape == repertoire.observation.shape
 
 
+def test_run_air_hockey(tmp_path):
+    command("run", "air-hockey", "-n", 10, "--out", tmp_path / "run")
+    repertoire = auroraqd.load(tmp_path / "run")
+    assert repertoire.genotype.shape[1] == 8
+    assert_array_equal(repertoire.ground_truth, repertoire.observation[:, -1])
+    grid = ["--descriptor", "hand-coded", "--archive", "grid:cells=15"]
+    command("run", "air-hockey", "-n", 10, *grid, "--out", tmp_path / "grid", "--no-figures")
+    assert 10 < len(auroraqd.load(tmp_path / "grid")) <= 225
+
+
 @pytest.mark.parametrize(
     ("options", "dimensions"),
     [
@@ -224,7 +234,7 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "juggling"], "task must be one of ballistic"),
+        (["run", "juggling"], "task must be one of ballistic, air-hockey, got 'juggling'"),
         (
             ["run", "ballistic", "--descriptor", "magic"],
             "descriptor must be one of pca, autoencoder, hand-coded, genotype, observation, got 'magic'",
@@ -241,6 +251,7 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
         ),
         (["run", "ballistic", "--descriptor", "autoencoder", "--components", "101"], "n_components must be at most 100"),
         (["run", "ballistic", "--descriptor", "genotype", "--pretrained"], "pretrained is for descriptors that are learned"),
+        (["run", "air-hockey", "--pretrained"], "pretrained is for tasks with a prior data set, and air-hockey has none"),
         (["run", "ballistic", "--archive", "cvt-prior"], "archive 'cvt-prior' is for descriptor 'observation', pretrained"),
         (["run", "ballistic", "--archive", "cvt:cells=10,samples=5"], "samples must be a whole number, 10 or more, got 5"),
         (["run", "ballistic", "--archive", "grid:low=2"], "low must be below high"),

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auroraqd.metrics import klc, outside, reconstruction_error
+from auroraqd.metrics import diversity, klc, outside, reconstruction_error
 
 
 def test_agrees_with_its_twin():
@@ -63,3 +63,28 @@ def test_reconstruction_error():
         reconstruction_error(observation, reconstruction[:1])
     with pytest.raises(ValueError, match="one shape"):
         reconstruction_error(np.zeros(3), np.zeros(3))
+
+
+@pytest.mark.parametrize("bins", [1, 10, 20])
+def test_diversity_agrees_with_its_twin(bins):
+    rng = np.random.default_rng(0)
+    paths = np.cumsum(rng.normal(0, 0.1, (200, 30, 2)), axis=1)  # some leave the room
+    paths[:5] = np.round(paths[:5], 1)  # on the borders of squares
+    assert_allclose(diversity(paths, bins), naive.diversity(paths.tolist(), bins))
+
+
+def test_diversity_by_hand():
+    """Two end squares: three of 100 are passed on the way to one, one to the other."""
+    paths = [[[-0.95, -0.95], [-0.75, -0.95], [-0.55, -0.95]], [[-0.55, -0.95]] * 3, [[0.95, 0.95]] * 3]
+    assert diversity(np.array(paths)) == 0.04
+    assert diversity(np.zeros((0, 3, 2))) == 0
+    everywhere = np.stack(np.meshgrid(*[np.linspace(-0.9, 0.9, 10)] * 2), axis=2).reshape(1, 100, 2)
+    assert diversity(np.concatenate([np.roll(everywhere, k, axis=1) for k in range(100)])) == 100
+
+
+@pytest.mark.parametrize("bad", [np.zeros((3, 2)), np.zeros((3, 0, 2)), np.zeros((3, 4, 3)), np.full((1, 2, 2), np.nan)])
+def test_diversity_of_something_else(bad):
+    with pytest.raises(ValueError, match="trajectories must"):
+        diversity(bad)
+    with pytest.raises(ValueError, match="low must be below high"):
+        diversity(np.zeros((1, 2, 2)), low=1, high=1)

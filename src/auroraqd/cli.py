@@ -62,7 +62,7 @@ FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end."
 
 @app.command()
 def run(
-    task: Annotated[str, typer.Argument(help="What the robot does: ballistic.")],
+    task: Annotated[str, typer.Argument(help="What the robot does: ballistic or air-hockey.")],
     descriptor: Annotated[
         str,
         typer.Option(

@@ -58,6 +58,35 @@ def outside(reference: np.ndarray, compared: np.ndarray) -> float:
     return float(((compared < reference.min(axis=0)) | (compared > reference.max(axis=0))).any(axis=1).mean())
 
 
+def diversity(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high: float = 1.0) -> float:
+    """Diversity of trajectories in a square room (paper, Sec. "Second scenario").
+
+    The room is cut into bins x bins squares. For each square, the share of all squares that the trajectories ending there pass
+    through; summed over the squares: bins^2 at most. A trajectory passes through the squares that its samples are in, not
+    through those it jumps over between two samples.
+
+    Args:
+        trajectories: (n, steps, 2).
+        bins: along each side.
+        low, high: the walls of the room, in the units of the trajectories; what is outside counts to the squares at the border.
+
+    Raises:
+        ValueError: wrong shape, a NaN or an infinity, or no room.
+    """
+    bins = whole("bins", bins)
+    trajectories = np.asarray(trajectories, np.float64)
+    if trajectories.ndim != 3 or trajectories.shape[2] != 2 or trajectories.shape[1] == 0:
+        raise ValueError(f"trajectories must have shape (n, steps, 2) with steps >= 1, got {trajectories.shape}")
+    if not np.isfinite(trajectories).all():
+        raise ValueError("trajectories must be finite, got a NaN or an infinity")
+    if not low < high:
+        raise ValueError(f"low must be below high, got {low} and {high}")
+    place = np.clip(np.floor((trajectories - low) / (high - low) * bins), 0, bins - 1).astype(np.int64)
+    square = place[:, :, 0] * bins + place[:, :, 1]
+    pairs = np.unique(square[:, -1:] * bins**2 + square)  # where they end, and what they pass
+    return len(pairs) / bins**2
+
+
 def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) -> np.ndarray:
     """Root mean square error over the entries of each observation, (n, ...) and (n, ...) to (n,), in their units.
 

@@ -16,9 +16,9 @@ from auroraqd.cvt import CVTArchive, tessellate
 from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
 from auroraqd.scaling import Scaling
 from auroraqd.storage import as_json
-from auroraqd.tasks import Ballistic
+from auroraqd.tasks import AirHockey, Ballistic
 
-TASKS = {"ballistic": Ballistic}
+TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
 _COMPETITION = ("k", "epsilon", "competition", "capacity", "l")
@@ -152,6 +152,8 @@ class Settings:
         whole("seed", self.seed, least=0)
         if self.pretrained and kind in (HAND_CODED, GENOTYPE):
             raise ValueError(f"pretrained is for descriptors that are learned, not for {kind!r}")
+        if self.pretrained and not hasattr(TASKS[self.task], "prior"):
+            raise ValueError(f"pretrained is for tasks with a prior data set, and {self.task} has none")
 
     @property
     def descriptor_kind(self) -> str:

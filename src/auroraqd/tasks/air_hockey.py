@@ -83,6 +83,10 @@ class AirHockey:
         _push(start, change, float(self.restitution_threshold), observation)
         return tasks.Evaluation(np.zeros(len(genotypes)), observation, observation[:, -1].copy())
 
+    def bounds(self) -> np.ndarray:
+        """(2, 50, 2): the lowest and the highest x and y, in metres, at every step: the middle of the puck in the room."""
+        return np.stack([np.full((STEPS, 2), -_LIMIT), np.full((STEPS, 2), _LIMIT)])
+
 
 def movement(genotypes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The second movement, with the puck: joint angles where it begins, and from there to the final targets, (n, 4) each.
