@@ -252,7 +252,7 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
         (["run", "ballistic", "--descriptor", "autoencoder", "--components", "101"], "n_components must be at most 100"),
         (["run", "ballistic", "--descriptor", "genotype", "--pretrained"], "pretrained is for descriptors that are learned"),
         (["run", "air-hockey", "--pretrained"], "pretrained is for tasks with a prior data set, and air-hockey has none"),
-        (["run", "ballistic", "--archive", "cvt-prior"], "archive 'cvt-prior' is for descriptor 'observation', pretrained"),
+        (["run", "ballistic", "--archive", "cvt-prior"], "archive 'cvt-prior' needs descriptor 'observation' and pretrained"),
         (["run", "ballistic", "--archive", "cvt:cells=10,samples=5"], "samples must be a whole number, 10 or more, got 5"),
         (["run", "ballistic", "--archive", "grid:low=2"], "low must be below high"),
         (["run", "ballistic", "--archive", "tree"], "archive must be one of unstructured, grid, cvt, cvt-prior, got 'tree'"),

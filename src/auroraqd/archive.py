@@ -121,7 +121,7 @@ class Archive(ABC):
 
     @property
     def id(self) -> np.ndarray:
-        """(n,) int64: unique, in the order in which individuals were stored."""
+        """(n,) int64: unique, given in the order of storing; rows are not sorted by it, for some replace others."""
         return self._population["id"] if "id" in self._population else np.empty(0, np.int64)
 
     def add(

@@ -66,8 +66,8 @@ def run(
     descriptor: Annotated[
         str,
         typer.Option(
-            help="How behaviours differ: pca or autoencoder (learned), hand-coded, genotype, or observation (all of it). An "
-            "auto-encoder takes options: autoencoder:network=convolutional,isometry=0."
+            help="How behaviours differ: pca or autoencoder (learned), hand-coded, genotype, or observation (all of it). "
+            "Options like autoencoder:isometry=0 or autoencoder:hidden=64x32 are the parameters of AutoEncoder."
         ),
     ] = "pca",
     pretrained: Annotated[
@@ -83,8 +83,8 @@ def run(
     variation: Annotated[
         str,
         typer.Option(
-            help="How offspring are made: polynomial:rate=0.1,eta=10,at_least_one=true, gaussian:sigma=0.05,rate=1 or "
-            "iso-line:iso_sigma=0.01,line_sigma=0.2; options may be left out."
+            help="How offspring are made: polynomial (rate, eta, at_least_one), gaussian (sigma, rate) or iso-line (iso_sigma, "
+            "line_sigma), with options like polynomial:rate=0.1,eta=10."
         ),
     ] = "polynomial",
     resolution: Annotated[
@@ -96,8 +96,8 @@ def run(
     archive: Annotated[
         str,
         typer.Option(
-            help="Where behaviours are kept: unstructured, grid:cells=30,low=-1,high=1 (a dimension), "
-            "cvt:cells=10000,samples=200000,steps=5,low=-1,high=1, or cvt-prior."
+            help="Where behaviours are kept: unstructured; grid (cells and bounds low, high of each dimension); cvt (cells, "
+            "samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0."
         ),
     ] = "unstructured",
     k: Annotated[int, typer.Option(help="Neighbours that make up the novelty.")] = 15,
@@ -171,7 +171,13 @@ def reproduce(
     task: Annotated[str, typer.Argument(help="Whose experiment: ballistic.")],
     replications: Annotated[int, typer.Option(help="Runs of each variant.")] = 20,
     generations: Annotated[int, typer.Option(help="Generations of 200 evaluations a run.")] = 5000,
-    variants: Annotated[str, typer.Option(help="Which, separated by commas; see docs/reproduction.md.")] = "all",
+    variants: Annotated[
+        str,
+        typer.Option(
+            help="Which, separated by commas: hand-coded, genotype, pca-incremental, pca-pretrained, ae-incremental, "
+            "ae-pretrained, cvt-prior, cvt, ae-isometric, ae-pretrained-split."
+        ),
+    ] = "all",
     jobs: Annotated[int | None, typer.Option(help="Runs at once. [default: one a core]")] = None,
     out: Annotated[
         Path | None, typer.Option(help="Where the results are, and more are added. [default: runs/reproduce-TASK]")
@@ -199,7 +205,8 @@ def reproduce(
         if value is not None and value < 1:
             raise UserError(f"{name} must be 1 or more, got {value}")
     _reproduce(
-        {name: known[name] for name in known if name in names},
+        known,
+        names,
         replications,
         generations,
         jobs or _cores(),
@@ -211,14 +218,16 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _reproduce(variants: "Mapping[str, Variant]", replications: int, generations: int, workers: int, out: Path) -> None:
+def _reproduce(
+    known: "Mapping[str, Variant]", names: "Sequence[str]", replications: int, generations: int, workers: int, out: Path
+) -> None:
     from auroraqd.experiments.ledger import Ledger
     from auroraqd.experiments.runner import execute, plan
     from auroraqd.experiments.variants import base
     from auroraqd.progress import ExperimentProgress
 
     ledger = Ledger(out)
-    jobs, settings = plan(ledger, list(variants.values()), replications, base(generations))
+    jobs, settings = plan(ledger, [known[name] for name in known if name in names], replications, base(generations))
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console.print(f"{len(jobs)} runs to do, {len(ledger.results)} done before; results in {out}", highlight=False)
     failed: list[str] = []
@@ -239,7 +248,7 @@ def _reproduce(variants: "Mapping[str, Variant]", replications: int, generations
 
     from auroraqd.report import write_report
 
-    files = write_report(ledger, variants)
+    files = write_report(ledger, known)
     table = (out / "summary.md").read_text()
     console.print(Markdown(table) if console.is_terminal else table, highlight=False, soft_wrap=not console.is_terminal)
     for path in files:
@@ -358,11 +367,18 @@ def _report(folder: Path, figures: bool) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in _results(repertoire, records[-1] if records else None):
+    for name, value in [*_what_ran(storage.load_config(folder)), *_results(repertoire, records[-1] if records else None)]:
         table.add_row(name, value)
     for index, path in enumerate(files):
         table.add_row("" if index else "files", str(path))
     console.print(table, highlight=False)
+
+
+def _what_ran(config: "Mapping[str, Any]") -> list[tuple[str, str]]:
+    archive = config.get("archive")
+    kind = archive.get("type") if isinstance(archive, dict) else None
+    words = [config.get("task"), config.get("descriptor"), kind, f"seed {config.get('seed')}"]
+    return [("run", ", ".join(str(word) for word in words if word is not None))]
 
 
 def _results(repertoire: Any, last: Any) -> list[tuple[str, str]]:

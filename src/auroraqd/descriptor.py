@@ -149,12 +149,14 @@ class Descriptor:
 
         Raises:
             RuntimeError: the descriptor is not learned, or not fitted yet.
-            ValueError: the observations have other features than those it was fitted on.
+            ValueError: the observations have another shape than those it was fitted on, or a NaN or an infinity.
         """
         if not self.learned:
             raise RuntimeError(f"the descriptor {self.source!r} is not learned from observations")
         if not self.ready:
             raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
+        if not finite_rows(observation).all():
+            raise ValueError("observation must be finite, got a NaN or an infinity")
         return self._encoded(self._flat(observation))
 
     def reconstruct(self, z: np.ndarray) -> np.ndarray:
@@ -191,11 +193,9 @@ class Descriptor:
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:
         assert self.scaler is not None  # it is ready
-        features = len(self.scaler.center)
-        if observation.ndim == 0 or math.prod(observation.shape[1:]) != features:
+        if observation.shape[1:] != self.shape or observation.ndim == 0:
             raise DescriptorError(
-                f"observation must have shape (n, ...) with {features} entries a row, as the descriptor was fitted on, "
-                f"got {observation.shape}"
+                f"observation must have shape {('n', *self.shape)}, as what the descriptor was fitted on, got {observation.shape}"
             )
         return self.scaler(observation)
 

@@ -70,6 +70,15 @@ class History:
     def __len__(self) -> int:
         return len(self.records)
 
+    def __repr__(self) -> str:
+        return f"History of {len(self)} records, the last: {self._last}"
+
     def column(self, name: str) -> np.ndarray:
-        """One field of all records, (records,)."""
+        """One field of all records, (records,).
+
+        Raises:
+            ValueError: there is no such field.
+        """
+        if name not in Record._fields:
+            raise ValueError(f"name must be one of {', '.join(Record._fields)}, got {name!r}")
         return np.array([getattr(record, name) for record in self.records])

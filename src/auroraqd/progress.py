@@ -63,7 +63,8 @@ class RunProgress:
         self._next, self._since, self._evaluations = now + self._gap, now, aurora.evaluations
         record = aurora.history.last
         assert record is not None  # a generation has just been recorded
-        state = f"{record.size:,} stored, l {record.l:.3g}, {record.new + record.replaced:,} added, {speed:,.0f}/s"
+        l = "" if record.l != record.l else f", l {record.l:.3g}"
+        state = f"{record.size:,} stored{l}, {record.new + record.replaced:,} added, {speed:,.0f}/s"
         self._show(aurora.generation, state)
 
     def training(self, progress: "Training") -> None:

@@ -48,7 +48,9 @@ class Every:
 
 @dataclass(frozen=True)
 class Never:
-    """No updates: the descriptor has been fitted before, and l stays what the archive was given."""
+    """No updates: a learned descriptor is fitted once, on the first generation or before (`prior`), and l set then; of other
+    descriptors l stays what the archive was given.
+    """
 
     def __call__(self, generation: int) -> bool:
         """False."""

@@ -124,12 +124,18 @@ def settings_of(aurora: Aurora) -> dict[str, Any]:
     archive = aurora.archive
     return {
         "n_genes": aurora.n_genes,
-        "descriptor": repr(aurora.descriptor.source),
+        "descriptor": _named(aurora.descriptor.source),
         "seed": aurora.seed,
         "batch_size": aurora.batch_size,
         "archive": {"type": type(archive).__name__, **archive.settings},
         **{name: as_json(getattr(aurora, name)) for name in ("selection", "variation", "resolution", "schedule")},
     }
+
+
+def _named(source: Any) -> str:
+    """What a descriptor is called: its `repr` if that says more than where it lies in memory."""
+    text = source if isinstance(source, str) else repr(source)
+    return type(source).__qualname__ if " object at 0x" in text else text
 
 
 def as_json(strategy: Any) -> Any:

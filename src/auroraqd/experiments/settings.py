@@ -93,7 +93,9 @@ class CVTPrior:
     def build(self, settings: "Settings", task: Any) -> Archive:
         """The archive, empty."""
         if settings.descriptor != OBSERVATION or not settings.pretrained:
-            raise ValueError("archive 'cvt-prior' is for descriptor 'observation', pretrained")
+            raise ValueError(
+                "archive 'cvt-prior' needs descriptor 'observation' and pretrained (--descriptor observation --pretrained)"
+            )
         prior = task.prior()
         return CVTArchive(Scaling.of(prior).scaler(prior[0].size)(prior))
 
@@ -289,7 +291,8 @@ def _options(owner: str, known: Mapping[str, Any], text: str) -> list[tuple[str,
     for option in filter(None, text.split(",")):
         key, _, value = option.partition("=")
         if key not in known:
-            raise ValueError(f"{owner} has no option {key!r}; its options are: {', '.join(known) or 'none'}")
+            hint = ", written like hidden=64x32" if isinstance(known.get("hidden"), tuple) else ""
+            raise ValueError(f"{owner} has no option {key!r}; its options are: {', '.join(known) or 'none'}{hint}")
         pairs.append((key, value))
     return pairs
 

@@ -3,6 +3,7 @@
 Made from the files of a `Ledger` only.
 """
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from auroraqd._files import replacing
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Point
 from auroraqd.experiments.statistics import MEASURES, Quartiles, rank_sums, summaries
-from auroraqd.experiments.variants import Variant
+from auroraqd.experiments.variants import REFERENCE, Variant
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.figures import STYLE, save_figure, scatter, two_dimensional_colors
 
@@ -61,7 +62,11 @@ def summary_csv(ledger: Ledger, variants: Mapping[str, Variant]) -> str:
 
 def summary_markdown(ledger: Ledger, variants: Mapping[str, Variant]) -> str:
     """Medians with quartiles beside the paper's medians, and the p-values of the rank-sum tests on the KLC."""
+    generations = sorted({result.generations for result in ledger.results})
     lines = [
+        f"After {' or '.join(f'{number:,}' for number in generations)} generations of {ledger.results[0].batch_size}; "
+        "the paper's medians of the KLC are after 5,000 of 200.",
+        "",
         f"| variant | runs | KLC, paper | {' | '.join(_TITLES.values())} |",
         "|---" * (3 + len(_TITLES)) + "|",
     ]
@@ -69,11 +74,15 @@ def summary_markdown(ledger: Ledger, variants: Mapping[str, Variant]) -> str:
         cells = [_cell(measure, row.measures[measure]) for measure in _TITLES]
         paper = "" if row.variant.paper is None else f"{row.variant.paper:g}"
         lines.append(f"| {row.variant.title} | {row.replications} | {paper} | {' | '.join(cells)} |")
-    lines += ["", "Medians over replications, first and third quartile in brackets.", ""]
+    lines += [
+        "",
+        "Medians over replications, first and third quartile in brackets. RMSE is on the scale from -1 to 1 of what each run",
+    ]
+    lines += ["stored, so that of incremental and pre-trained variants compare in metres only.", ""]
     tests = rank_sums(ledger.results, "klc")
     names = [name for name in variants if any(name in pair for pair in tests)]
     if names:
-        lines += ["Rank-sum tests on the KLC, two-sided p-values:", ""]
+        lines += ["Rank-sum tests on the KLC, two-sided p-values (with two runs each, none can be below 0.33):", ""]
         lines += [f"| | {' | '.join(names[1:])} |", "|---" * len(names) + "|"]
         for i, one in enumerate(names[:-1]):
             values = [tests.get((one, other), tests.get((other, one))) for other in names[1:]]
@@ -106,11 +115,18 @@ def curves_figure(points: Sequence[Point], variants: Mapping[str, Variant]) -> F
             axes.set_xlim(left=0)
             if measure == "klc":
                 axes.set_yscale("log")
+                axes.set_ylim(bottom=_floor(points))
                 axes.set_title("KLC against the final hand-coded repertoire")
             else:
                 axes.set_ylim(bottom=0)
         figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=5, frameon=False)
     return figure
+
+
+def _floor(points: Sequence[Point]) -> float | None:
+    """The lower end of the KLC axis: the reference, which falls to 0 by construction, is cut off."""
+    values = [p.klc for p in points if p.variant != REFERENCE and p.klc > 0]
+    return 0.5 * min(values) if values else None
 
 
 def _curve(points: Sequence[Point], measure: str) -> tuple[np.ndarray, np.ndarray]:
@@ -137,7 +153,7 @@ def panel_figure(repertoires: Mapping[str, Repertoire]) -> Figure:
     everywhere = np.concatenate([truth for truth in truths if truth is not None])
     low, high = everywhere.min(axis=0), everywhere.max(axis=0)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(2.7 * len(repertoires), 5.6), layout="constrained")
+        figure = Figure(figsize=(1.9 * len(repertoires), 4.4), layout="constrained")
         panels = figure.subplots(2, len(repertoires), squeeze=False)
         for (title, repertoire), (above, below) in zip(repertoires.items(), panels.T, strict=True):
             truth = repertoire.ground_truth
@@ -149,7 +165,7 @@ def panel_figure(repertoires: Mapping[str, Repertoire]) -> Figure:
                 above.text(0.5, 0.5, f"{repertoire.descriptor.shape[1]} dimensions", ha="center", va="center")
             scatter(below, truth, colors)
             below.set(xlim=_margin(low[0], high[0]), ylim=_margin(low[1], high[1]))
-            above.set_title(_two_lines(title), fontsize=9)
+            above.set_title(_short_lines(title), fontsize=8)
             below.set_xlabel(f"{len(repertoire):,} individuals")
             for axes in (above, below):
                 axes.set_xticks([])
@@ -163,10 +179,8 @@ def _margin(low: float, high: float) -> tuple[float, float]:
     return low - 0.03 * (high - low), high + 0.03 * (high - low)
 
 
-def _two_lines(title: str) -> str:
-    words = title.split()
-    middle = (len(words) + 1) // 2
-    return " ".join(words[:middle]) + "\n" + " ".join(words[middle:])
+def _short_lines(title: str) -> str:
+    return "\n".join(textwrap.wrap(title, 16))
 
 
 def _first_repertoires(ledger: Ledger, variants: Mapping[str, Variant]) -> dict[str, Repertoire]:

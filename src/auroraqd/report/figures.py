@@ -68,7 +68,8 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
         panels.append(("Trajectories", _draw_trajectories))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4 * len(panels), 4.4), layout="constrained")
-        figure.suptitle(f"{len(repertoire):,} individuals; an individual has the colour of its place in {key}", fontsize=11)
+        separator = "; " if len(panels) > 1 else "\n"  # one panel is not wide enough for a line
+        figure.suptitle(f"{len(repertoire):,} individuals{separator}coloured by their place in {key}", fontsize=11)
         for axes, (title, draw) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             axes.set_title(title)
             draw(axes, repertoire, colors)
@@ -111,15 +112,23 @@ def two_dimensional_colors(places: np.ndarray, box: np.ndarray | None = None) ->
 
 
 def _plane(repertoire: Repertoire) -> np.ndarray:
-    """Two coordinates for each individual: the first two of its descriptor, or the only one and the fitness."""
+    """Two coordinates for each individual: the two of its descriptor that vary most, or the only one and the fitness."""
     descriptor = repertoire.descriptor
-    return descriptor[:, :2] if descriptor.shape[1] > 1 else np.column_stack([descriptor[:, 0], repertoire.fitness])
+    if descriptor.shape[1] == 1:
+        return np.column_stack([descriptor[:, 0], repertoire.fitness])
+    return descriptor[:, _widest(descriptor)]
+
+
+def _widest(descriptor: np.ndarray) -> np.ndarray:
+    """The two dimensions that vary most, in their order."""
+    return np.sort(np.argsort(-descriptor.var(axis=0), kind="stable")[:2])
 
 
 def _draw_descriptors(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
     scatter(axes, _plane(repertoire), colors)
     d = repertoire.descriptor.shape[1]
-    axes.set(xlabel="descriptor 1", ylabel="descriptor 2" if d > 1 else "fitness")
+    first, second = _widest(repertoire.descriptor) + 1 if d > 1 else (1, 0)
+    axes.set(xlabel=f"descriptor {first}", ylabel=f"descriptor {second}" if second else "fitness")
     if d > 2:
         axes.set_title(f"Descriptor space, 2 of {d} dimensions")
 
