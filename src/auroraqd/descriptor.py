@@ -195,7 +195,7 @@ class Descriptor:
         assert self.scaler is not None  # it is ready
         if observation.shape[1:] != self.shape or observation.ndim == 0:
             raise DescriptorError(
-                f"observation must have shape {('n', *self.shape)}, as what the descriptor was fitted on, got {observation.shape}"
+                f"observation must have shape {('n', *self.shape)}, as those it was fitted on, got {observation.shape}"
             )
         return self.scaler(observation)
 
