@@ -256,8 +256,25 @@ def test_a_worker_that_dies_is_replaced(tmp_path):
 def test_a_run_that_kills_its_worker_twice_is_given_up(tmp_path):
     listener = Killer(100)
     run_all(Ledger(tmp_path), replications=1, base=replace(SMALL, generations=400), workers=1, listener=listener)
-    assert listener.given_up == [("pca-incremental", 0, "its process died")]
+    assert listener.given_up == [("pca-incremental", 0, "its process died, twice")]
     assert {r.variant for r in Ledger(tmp_path).results} == {"hand-coded", "genotype"}
+
+
+class Sniper(Quiet):
+    """Kills the worker of one run whenever it hears of it."""
+
+    def progress(self, status):
+        if (status.variant, status.replication) == ("hand-coded", 0) and status.generation > 1:
+            for child in multiprocessing.active_children():
+                if child.pid == status.pid:
+                    child.kill()
+
+
+def test_who_ran_beside_it_is_innocent(tmp_path):
+    listener = Sniper()
+    run_all(Ledger(tmp_path), [BALLISTIC["hand-coded"]], 3, replace(SMALL, generations=600), 2, listener)
+    assert listener.given_up == [("hand-coded", 0, "its process died, twice")]
+    assert [r.replication for r in Ledger(tmp_path).results] == [1, 2]
 
 
 def test_workers_keep_to_one_thread_and_the_environment_is_restored(monkeypatch):

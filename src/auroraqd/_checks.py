@@ -38,6 +38,8 @@ def finite_rows(rows: np.ndarray) -> np.ndarray:
     """(n,) bool: which rows of (n, ...) hold neither a NaN nor an infinity."""
     if rows.dtype.kind != "f":
         return np.ones(len(rows), bool)
-    if np.isfinite(rows.sum()):  # the common case, in one pass: no sum of finite numbers comes from a NaN or an infinity
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = rows.sum()
+    if np.isfinite(total):  # the common case, in one pass: no sum of finite numbers comes from a NaN or an infinity
         return np.ones(len(rows), bool)
     return np.asarray(np.isfinite(rows).reshape(len(rows), -1).all(axis=1))

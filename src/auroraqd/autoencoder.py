@@ -23,6 +23,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
 from auroraqd._checks import finite_rows, number, whole
+from auroraqd._interrupts import uninterrupted
 from auroraqd.scaling import Scaler, Scaling
 
 if TYPE_CHECKING:
@@ -162,8 +163,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             ValueError: a parameter is out of range, or `x` is empty, has a NaN or an infinity, or a shape that the network does
                 not take. The estimator stays as it was.
         """
-        from auroraqd import networks
-        from auroraqd.training import train
+        with uninterrupted():  # half an import would be the end of JAX in this process
+            from auroraqd import networks
+            from auroraqd.training import train
 
         protocol = self._protocol()
         x = _observations(x)

@@ -121,7 +121,7 @@ class GridArchive(CellArchive):
 
     def __init__(self, cells: Sequence[int], *, low: ArrayLike = -1.0, high: ArrayLike = 1.0) -> None:
         super().__init__()
-        if isinstance(cells, int) or len(cells) == 0:
+        if not isinstance(cells, Sequence | np.ndarray) or len(cells) == 0:
             raise ValueError(f"cells must be numbers of cells, one for each dimension, got {cells!r}")
         self._shape = tuple(whole("cells", number) for number in cells)
         if self.n_cells > np.iinfo(np.int64).max:
@@ -161,4 +161,5 @@ class GridArchive(CellArchive):
         inside = np.clip(descriptor, self._low, self._high)
         share = (inside - self._low) / (self._high - self._low)
         place = np.minimum((share * self._shape).astype(np.int64), np.array(self._shape) - 1)
-        return np.asarray(np.ravel_multi_index(tuple(place.T), self._shape), np.int64).reshape(-1)
+        strides = np.cumprod([1, *self._shape[:0:-1]], dtype=np.int64)[::-1]
+        return place @ strides

@@ -201,6 +201,9 @@ def reproduce(
         raise UserError(f"variants must be of {', '.join(known)}, got {', '.join(unknown)}")
     if quick:
         replications, generations = min(replications, 2), min(generations, 60)
+        console.print(
+            f"quick: {replications} replications of {generations} generations; no conclusions can be drawn", highlight=False
+        )
     for name, value in (("replications", replications), ("generations", generations), ("jobs", jobs)):
         if value is not None and value < 1:
             raise UserError(f"{name} must be 1 or more, got {value}")
@@ -228,6 +231,7 @@ def _reproduce(
 
     ledger = Ledger(out)
     jobs, settings = plan(ledger, [known[name] for name in known if name in names], replications, base(generations))
+    out.mkdir(parents=True, exist_ok=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console.print(f"{len(jobs)} runs to do, {len(ledger.results)} done before; results in {out}", highlight=False)
     failed: list[str] = []
@@ -259,10 +263,13 @@ def _reproduce(
 
 def _prepare(settings: "Mapping[str, Settings]", jobs: "Sequence[Job]") -> None:
     """What is the same for all runs, once: centroids are found and kept on disk, kernels compiled."""
+    from auroraqd.experiments.settings import CVT
+
     needed = {job.variant for job in jobs}
     with console.status("preparing: kernels, centroids") if console.is_terminal else nullcontext():
         for name in needed:
-            settings[name].build()
+            if isinstance(settings[name].archive, CVT):
+                settings[name].build()
         _compile(next(iter(settings.values())))
 
 
@@ -293,7 +300,7 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
                 saving(aurora)
 
             aurora.run(task, generations=settings.generations, callback=after_each)
-    except (KeyboardInterrupt, TaskError, DescriptorError) as error:
+    except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved first
         failure = error
     kept = "nothing had been found yet"
     if len(aurora.archive) or failure is None:
@@ -307,8 +314,13 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
     if isinstance(failure, KeyboardInterrupt):
         errors.print(f"Interrupted after {aurora.generation} generations; {kept}", highlight=False)
         raise typer.Exit(130)
-    if failure is not None:
+    if isinstance(failure, MemoryError):
+        raise UserError(f"there is not enough memory: {failure}; {kept}")
+    if isinstance(failure, TaskError | DescriptorError | ValueError | OSError):
         raise UserError(f"{failure}; {kept}")
+    if failure is not None:
+        errors.print(kept, highlight=False)
+        raise failure
 
 
 class _Saving:

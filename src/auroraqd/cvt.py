@@ -69,7 +69,8 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
         raise ValueError(f"samples must be at least as many as cells, {cells}, got {len(samples)}")
     path = _cache_path(samples, cells, steps, seed) if cache else None
     if path is not None and (found := _read(path)) is not None:
-        return found
+        if found.centroids.shape[1] == samples.shape[1] and len(found.centroids) <= cells:
+            return found
     result = _lloyd(samples, cells, steps, seed)
     if path is not None:
         _write(path, result)
@@ -85,16 +86,17 @@ def _lloyd(samples: np.ndarray, cells: int, steps: int, seed: int) -> Tessellati
     start = distinct[np.sort(np.random.default_rng(seed).choice(len(distinct), cells, replace=False))]
     # In single precision, about the middle: centroids are where they are wanted, not where they are exact.
     middle = samples.mean(axis=0)
+    unit = float(np.abs(samples - middle).max()) or 1.0
     means = KMeans(
         cells,
-        init=(start - middle).astype(np.float32),
+        init=((start - middle) / unit).astype(np.float32),
         n_init=1,  # pyright: ignore[reportArgumentType]
         max_iter=steps,
         tol=0,
         algorithm="lloyd",
     )
-    means.fit((samples - middle).astype(np.float32))
-    centroids = np.unique(means.cluster_centers_.astype(np.float64) + middle, axis=0)
+    means.fit(((samples - middle) / unit).astype(np.float32))
+    centroids = np.unique(means.cluster_centers_.astype(np.float64) * unit + middle, axis=0)
     return Tessellation(centroids, cells, len(samples), int(means.n_iter_))
 
 
@@ -116,12 +118,13 @@ class CVTArchive(CellArchive):
 
     def __init__(self, centroids: "ArrayLike | Tessellation") -> None:
         super().__init__()
-        if not isinstance(centroids, Tessellation):
-            points = _points("centroids", centroids)
-            _, first = np.unique(points, axis=0, return_index=True)
-            centroids = Tessellation(points[np.sort(first)], len(points), 0, 0)
-        self.tessellation = centroids
-        points = centroids.centroids
+        given = centroids.centroids if isinstance(centroids, Tessellation) else centroids
+        points = _points("centroids", given)
+        _, first = np.unique(points, axis=0, return_index=True)
+        asked, samples, steps = centroids[1:] if isinstance(centroids, Tessellation) else (len(points), 0, 0)
+        points = points[np.sort(first)]
+        points.flags.writeable = False
+        self.tessellation = Tessellation(points, asked, samples, steps)
         # Scores are distances of points moved near the origin and scaled down, so that single precision neither runs out
         # of range nor loses more than it must.
         self._middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
@@ -178,7 +181,9 @@ class CVTArchive(CellArchive):
         best = np.full(n, np.inf)
         nearest = np.zeros(n, np.int64)
         points = self.tessellation.centroids
-        scale = np.where(far, np.exp2(-np.frexp(np.abs(x).max(axis=1))[1].astype(float)), 1.0)  # squares must not overflow
+        # By a power of two, which changes no digit, so that squares neither overflow nor vanish.
+        size = np.maximum(np.abs(x - self._middle).max(axis=1), self._unit)
+        scale = np.exp2(-np.clip(np.frexp(size)[1], -1000, 1000).astype(float))
         for i, start in zip(row.tolist(), (group * _GROUP).tolist(), strict=True):
             distance = (((points[start : start + _GROUP] - x[i]) * scale[i]) ** 2).sum(axis=1)
             j = int(distance.argmin())
@@ -225,8 +230,8 @@ def _read(path: Path) -> Tessellation | None:
 
     try:
         arrays = load_file(path)
-        return Tessellation(arrays["centroids"], *(int(number) for number in arrays["counts"]))
-    except (OSError, SafetensorError, KeyError, TypeError):
+        return Tessellation(_points("centroids", arrays["centroids"]), *(int(number) for number in arrays["counts"]))
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError):
         return None
 
 

@@ -55,6 +55,8 @@ def _divergence(reference: np.ndarray, compared: np.ndarray, bins: int) -> float
 def outside(reference: np.ndarray, compared: np.ndarray) -> float:
     """The share of the compared repertoire, (m, d), outside the bounding box of the reference, (n, d)."""
     reference, compared = _points("reference", reference), _points("compared", compared)
+    if reference.shape[1] != compared.shape[1]:
+        raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
     return float(((compared < reference.min(axis=0)) | (compared > reference.max(axis=0))).any(axis=1).mean())
 
 
@@ -98,8 +100,7 @@ def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) ->
         raise ValueError(
             f"observation and reconstruction must have one shape (n, ...), got {observation.shape} and {reconstruction.shape}"
         )
-    difference = (reconstruction - observation).reshape(len(observation), -1)
-    return np.sqrt((difference**2).mean(axis=1))
+    return np.sqrt(((reconstruction - observation) ** 2).mean(axis=tuple(range(1, observation.ndim))))
 
 
 def _points(name: str, values: np.ndarray) -> np.ndarray:

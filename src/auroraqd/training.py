@@ -9,7 +9,7 @@ that no mini-batch draws. Python only looks in between, about twice a second, to
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
+from auroraqd._interrupts import uninterrupted
 from auroraqd.networks import AutoEncoderNetwork
 
 Array = Any
@@ -101,6 +102,21 @@ def train(
 
     When an epoch gives a NaN or an infinity, training ends with the weights that were the best before.
     """
+    steps = _steps(network, x, protocol, rng)
+    while True:
+        try:
+            with uninterrupted():  # JAX can lose an interrupt that comes while it traces or compiles
+                progress = next(steps)
+        except StopIteration as end:
+            return end.value
+        if listener is not None:
+            listener(progress)
+
+
+def _steps(
+    network: AutoEncoderNetwork, x: np.ndarray, protocol: Protocol, rng: np.random.Generator
+) -> Generator[Progress, None, Trained]:
+    """The training in pieces of about half a second; returns its result."""
     n = len(x)
     size, padded = _sizes(n, protocol.batch_size)
     data = jnp.asarray(np.concatenate([x, np.zeros((padded - n, x.shape[1]), np.float32)]))
@@ -135,8 +151,7 @@ def train(
             state = step.epochs(state, rows, span, np.int32(at_once))
             jax.block_until_ready(state.over)
             at_once = max(1, int(at_once * min(4.0, _REPORT / max(time.monotonic() - since, 1e-6))))
-            if listener is not None:
-                listener(Progress(repeat + 1, protocol.repeats, int(state.epoch), max_epochs, float(state.rmse)))
+            yield Progress(repeat + 1, protocol.repeats, int(state.epoch), max_epochs, float(state.rmse))
         epochs.append(int(state.epoch))
         rmse = float(state.best_rmse)
         weights, optimizer = state.best, state.optimizer

@@ -41,6 +41,12 @@ class Ledger:
         self.results: list[Result] = _table(self.folder / RUNS, Result)
         self.points: list[Point] = _table(self.folder / CURVES, Point)
         self._settings: dict[str, Any] = _read_settings(self.folder / SETTINGS)
+        unknown = sorted({row.variant for row in [*self.results, *self.points]} - set(self._settings))
+        if unknown:
+            raise ValueError(
+                f"{self.folder / SETTINGS} must hold the settings of every variant with results, but not of {', '.join(unknown)}: "
+                "where results are copied to, it belongs to them"
+            )
 
     def check(self, variants: Mapping[str, Settings]) -> None:
         """Make sure that results of these settings may be added.
@@ -95,8 +101,8 @@ def _read_settings(path: Path) -> dict[str, Any]:
         values = json.loads(path.read_text())
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
-    if not isinstance(values, dict):
-        raise ValueError(f"{path} is damaged: it must hold a JSON object")
+    if not isinstance(values, dict) or not all(isinstance(value, dict) for value in values.values()):
+        raise ValueError(f"{path} is damaged: it must hold a JSON object of objects")
     return values
 
 

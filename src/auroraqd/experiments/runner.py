@@ -1,7 +1,7 @@
 """Many runs at once: one worker process a core, each with libraries that keep to one thread.
 
-Workers are spawned, not forked, and end with their parent, however it ends. A worker that dies takes its run with it, which is
-tried once more; the other runs go on.
+Workers are spawned, not forked, and end with their parent, however it ends. When a worker dies, the runs
+that were under way are tried once more, one at a time; the one whose worker dies again is given up, the others go on.
 """
 
 import multiprocessing
@@ -13,16 +13,17 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait as wait_for_end
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, replicate
 from auroraqd.experiments.settings import Settings
 from auroraqd.experiments.variants import BALLISTIC, REFERENCE, Variant
+from auroraqd.storage import load
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")
 _REPORT = 0.5  # s between two reports of a worker
-_TRIES = 2
 
 
 class Status(NamedTuple):
@@ -33,6 +34,7 @@ class Status(NamedTuple):
     generation: int
     generations: int
     size: int
+    pid: int  # of its process
     training: str  # what the descriptor is doing, when it is being trained
 
 
@@ -80,10 +82,12 @@ def plan(
     return sorted(jobs, key=lambda job: job.reference is not None), settings
 
 
-def _complete(folder: Any) -> bool:
-    from auroraqd.storage import CONFIG, REPERTOIRE
-
-    return (folder / CONFIG).is_file() and (folder / REPERTOIRE).is_file()
+def _complete(folder: Path) -> bool:
+    """Whether there is a repertoire that can be read."""
+    try:
+        return len(load(folder)) > 0
+    except (OSError, ValueError):
+        return False
 
 
 def execute(jobs: Sequence[Job], settings: Mapping[str, Settings], ledger: Ledger, workers: int, listener: Listener) -> None:
@@ -92,16 +96,18 @@ def execute(jobs: Sequence[Job], settings: Mapping[str, Settings], ledger: Ledge
     When it is interrupted, the runs under way are lost and the others kept: called again with the runs that are still
     missing, it goes on.
     """
-    waiting = list(jobs)
-    tries = dict.fromkeys(jobs, 0)
+    waiting, suspects = list(jobs), set[Job]()
     context = multiprocessing.get_context("spawn")
     while waiting:
         # A queue for each pool: a worker that is killed may leave it locked. Then reports are lost, and nothing else.
         reports = context.Queue()
+        reports.cancel_join_thread()
         relay = threading.Thread(target=_relay, args=(reports, listener), daemon=True)
         relay.start()
-        with _pool(min(workers, len(waiting)), context, reports) as pool:
-            waiting = _until_broken(pool, waiting, tries, settings, ledger, workers, listener)
+        suspects &= set(waiting)
+        at_once = 1 if suspects else min(workers, len(waiting))
+        with _pool(at_once, context, reports) as pool:
+            waiting = _until_broken(pool, waiting, suspects, settings, ledger, at_once, listener)
         reports.put(None)
         relay.join(timeout=_REPORT)
 
@@ -109,23 +115,27 @@ def execute(jobs: Sequence[Job], settings: Mapping[str, Settings], ledger: Ledge
 def _until_broken(
     pool: ProcessPoolExecutor,
     waiting: list[Job],
-    tries: dict[Job, int],
+    suspects: set[Job],
     settings: Mapping[str, Settings],
     ledger: Ledger,
     workers: int,
     listener: Listener,
 ) -> list[Job]:
-    """Do runs until all are done or the pool breaks; returns those that are left."""
+    """Do runs until all are done or the pool breaks; returns those that are left.
+
+    When a worker dies, all runs under way are lost and it is not known whose it was: they are suspects. Suspects are tried
+    again first and alone, so that the next time it is known.
+    """
     running: dict[Future, Job] = {}
+    alone = bool(suspects)
     broken = False
     while (waiting and not broken) or running:
         needed = {job.folder for job in [*waiting, *running.values()] if job.reference is None}
         while not broken and len(running) < workers:
             ready = next((job for job in waiting if job.reference not in needed), None)
-            if ready is None:
+            if ready is None or (alone and ready not in suspects):
                 break
             waiting.remove(ready)
-            tries[ready] += 1
             running[pool.submit(_work, ready)] = ready
         if not running:
             break
@@ -135,13 +145,17 @@ def _until_broken(
                 result, points = future.result()
             except BrokenProcessPool:
                 broken = True
-                if tries[job] < _TRIES:
-                    waiting.insert(0, job)
+                if alone:
+                    suspects.discard(job)
+                    waiting = _without(waiting, job, "its process died, twice", listener)
                 else:
-                    waiting = _without(waiting, job, "its process died", listener)
+                    suspects.add(job)
+                    waiting.insert(0, job)
             except Exception as error:
+                suspects.discard(job)
                 waiting = _without(waiting, job, f"{type(error).__name__}: {error}", listener)
             else:
+                suspects.discard(job)
                 ledger.add(settings[job.variant], result, points)
                 listener.finished(result)
     return waiting
@@ -257,4 +271,8 @@ class _Reporter:
         if now >= self._next:
             self._next = now + _REPORT
             job = self._job
-            _reports.put(Status(job.variant, job.replication, self._generation, job.settings.generations, self._size, training))
+            _reports.put(
+                Status(
+                    job.variant, job.replication, self._generation, job.settings.generations, self._size, os.getpid(), training
+                )
+            )

@@ -146,6 +146,10 @@ class Settings:
     def __post_init__(self) -> None:
         if self.task not in TASKS:
             raise ValueError(f"task must be one of {', '.join(TASKS)}, got {self.task!r}")
+        if not isinstance(self.descriptor, str):
+            raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
+        if not isinstance(self.pretrained, bool):
+            raise ValueError(f"pretrained must be true or false, got {self.pretrained!r}")
         kind = self.descriptor_kind
         if kind not in DESCRIPTORS or (kind != AUTOENCODER and kind != self.descriptor):
             raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
