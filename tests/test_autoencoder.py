@@ -131,6 +131,13 @@ def test_any_shape(shape):
     assert encoder.epochs_ == [6, 6]
 
 
+def test_scalar_observations():
+    x = np.linspace(3, 9, 30)
+    encoder = auroraqd.AutoEncoder(1, random_state=0).fit(x)
+    assert encoder.transform(x).shape == (30, 1)
+    assert_allclose(encoder.inverse_transform(encoder.transform(x)), x, atol=0.5)
+
+
 def test_scaling_is_its_own():
     x = throws(300)
     plain, stretched = (auroraqd.AutoEncoder(random_state=0, **SHORT).fit(v) for v in (scaled(x), x))
@@ -235,7 +242,10 @@ def test_a_run_survives_divergence():
     [
         (np.full((5, 4), np.nan), {}, "x must be finite"),
         (np.empty((0, 4)), {}, "n >= 1"),
-        (np.zeros(4), {}, r"\(n, \.\.\.\) numbers"),
+        (np.zeros(4), {}, "n_components must be at most 1, the entries of an observation, got 2"),
+        (np.zeros((5, 4)), {"hidden": 5}, r"hidden must be widths of layers like \(128, 64\), got 5"),
+        (np.zeros((5, 4)), {"random_state": -1}, "random_state must be a whole number"),
+        (np.zeros((5, 4)), {"max_epochs": 2**40}, "max_epochs must be a whole number"),
         ([["a", "b"]], {}, "numbers"),
         ([[1, 2], [3]], {}, "rows of one shape"),
         (np.zeros((5, 4)), {"n_components": 5}, "n_components must be at most 4, the entries of an observation, got 5"),

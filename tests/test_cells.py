@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 import auroraqd
 from auroraqd import cvt
@@ -56,6 +56,7 @@ def test_a_huge_grid_costs_only_what_is_filled():
     [
         ((30,), {}, "cells must be numbers of cells, one for each dimension"),
         (([],), {}, "cells must be numbers of cells"),
+        ((5.0,), {}, "cells must be numbers of cells"),
         (((0, 3),), {}, "cells must be a whole number"),
         (((10**10,) * 2,), {}, "fewer than"),
         (((3, 3),), {"low": 1}, "low must be below high"),
@@ -79,6 +80,8 @@ def clouds():
     yield "far from the origin", near, np.concatenate([near[:100] + 1e-9, near[100:200]])
     yield "close together", 5 + 1e-12 * rng.normal(size=(500, 3)), 5 + 1e-12 * rng.normal(size=(100, 3))
     yield "far away", rng.normal(size=(300, 2)), np.array([[1e30, 1.0], [-1e6, 1e6], [1e200, -1e200], [0.0, 1e12]])
+    for scale in (1e-200, 1e-300, 1e160, 1e200):
+        yield f"of size {scale}", scale * rng.uniform(-1, 1, (20, 2)), scale * rng.uniform(-1, 1, (20, 2))
     yield "uneven", np.concatenate([rng.normal(size=(200, 2)), 1e9 * rng.normal(size=(3, 2))]), rng.normal(size=(100, 2))
 
 
@@ -88,9 +91,10 @@ def test_nearest_centroid_agrees_with_its_twin(centroids, x):
     assert archive.n_cells == len(centroids)
     found = archive.cell_of(x)
     for row, cell in zip(x[:60], found, strict=False):
-        wanted = naive.nearest_centroid(centroids, row)
+        size = np.abs(centroids).max()
+        wanted = naive.nearest_centroid(centroids / size, row / size)
         # Sums in another order may differ in the last bits.
-        one, other = (naive.squared_distance(centroids[c], row) for c in (cell, wanted))
+        one, other = (naive.squared_distance(centroids[c] / size, row / size) for c in (cell, wanted))
         assert cell == wanted or one == pytest.approx(other, rel=1e-14)
 
 
@@ -147,6 +151,14 @@ def test_a_cache_that_cannot_be_written_costs_nothing_else(tmp_path, monkeypatch
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("AURORAQD_CACHE", str(tmp_path / "file" / "below"))
     assert len(auroraqd.tessellate(np.random.default_rng(0).random((40, 2)), 5).centroids) == 5
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e40, 1e150])
+def test_tessellation_of_any_scale(scale):
+    samples = np.random.default_rng(0).random((200, 3))
+    found = auroraqd.tessellate(scale * samples, 20, cache=False)
+    assert len(found.centroids) == 20
+    assert_allclose(found.centroids / scale, auroraqd.tessellate(samples, 20, cache=False).centroids, atol=1e-5)
 
 
 def test_fewer_distinct_samples_than_cells():

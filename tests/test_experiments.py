@@ -172,13 +172,32 @@ def test_defaults_of_an_estimator_are_settings_too(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["runs.csv", "curves.csv", "settings.json"])
-@pytest.mark.parametrize("content", ["", "variant,klc\n", "{", "[]", "variant\nx,y\n"])
+@pytest.mark.parametrize("content", ["", "variant,klc\n", "{", "[]", '{"hand-coded": 5}', "variant\nx,y\n"])
 def test_damaged_results(experiment, tmp_path, name, content):
     for file in ("runs.csv", "curves.csv", "settings.json"):
         (tmp_path / file).write_bytes((experiment / file).read_bytes())
     (tmp_path / name).write_text(content)
     with pytest.raises(ValueError, match=rf"{name} is damaged"):
         Ledger(tmp_path)
+
+
+def test_results_without_their_settings(experiment, tmp_path):
+    for file in ("runs.csv", "curves.csv"):
+        (tmp_path / file).write_bytes((experiment / file).read_bytes())
+    with pytest.raises(
+        ValueError, match="must hold the settings of every variant with results, and has none of genotype, hand"
+    ):
+        Ledger(tmp_path)
+
+
+def test_a_damaged_reference_is_grown_again(tmp_path):
+    ledger = Ledger(tmp_path)
+    run_all(ledger, [BALLISTIC["hand-coded"]], 1)
+    file = ledger.run_folder("hand-coded", 0) / "repertoire.safetensors"
+    file.write_bytes(file.read_bytes()[:1000])
+    write_report(ledger, BALLISTIC)
+    run_all(ledger, [BALLISTIC["genotype"]], 1)
+    assert {r.variant for r in Ledger(tmp_path).results} == {"hand-coded", "genotype"}
 
 
 def test_a_ledger_comes_back(tmp_path):
@@ -264,7 +283,7 @@ class Sniper(Quiet):
     """Kills the worker of one run whenever it hears of it."""
 
     def progress(self, status):
-        if (status.variant, status.replication) == ("hand-coded", 0) and status.generation > 1:
+        if (status.variant, status.replication) == ("hand-coded", 0):
             for child in multiprocessing.active_children():
                 if child.pid == status.pid:
                     child.kill()

@@ -250,10 +250,10 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             warmup=number("warmup", self.warmup, most=np.nextafter(1, 0), wanted="0 or more and below 1"),
             clip=number("clip", self.clip),
             batch_size=None if self.batch_size is None else whole("batch_size", self.batch_size),
-            max_epochs=whole("max_epochs", self.max_epochs),
-            min_steps=whole("min_steps", self.min_steps, least=0),
-            patience=whole("patience", self.patience),
-            repeats=whole("repeats", self.repeats),
+            max_epochs=whole("max_epochs", self.max_epochs, most=1_000_000_000),
+            min_steps=whole("min_steps", self.min_steps, least=0, most=1_000_000_000),
+            patience=whole("patience", self.patience, most=1_000_000),
+            repeats=whole("repeats", self.repeats, most=1_000_000),
             validation=number("validation", self.validation, most=np.nextafter(1, 0), wanted="0 or more and below 1"),
             split_above=whole("split_above", self.split_above, least=0),
             isometry=number("isometry", self.isometry),
@@ -261,6 +261,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
 
     def _architecture(self, shape: tuple[int, ...]) -> dict[str, Any]:
         """What the network is made of; kept as it was fitted, whatever becomes of the parameters."""
+        if self.network == "mlp" and (isinstance(self.hidden, str) or not isinstance(self.hidden, Sequence | np.ndarray)):
+            raise ValueError(f"hidden must be widths of layers like (128, 64), got {self.hidden!r}")
         if self.network not in ("mlp", "convolutional"):
             raise ValueError(f"network must be one of mlp, convolutional, got {self.network!r}")
         hidden = [whole("hidden", width) for width in self.hidden] if self.network == "mlp" else []
@@ -301,7 +303,7 @@ def _observations(values: ArrayLike, empty: bool = False) -> np.ndarray:
         x = np.asarray(values)
     except ValueError:
         raise ValueError("x must be observations, (n, ...) numbers, with rows of one shape") from None
-    if x.dtype.kind not in "biuf" or x.ndim < 2 or (x[:1].size == 0 and not (empty and len(x) == 0)):
+    if x.dtype.kind not in "biuf" or x.ndim < 1 or (x[:1].size == 0 and not (empty and len(x) == 0)):
         raise ValueError(f"x must be observations, (n, ...) numbers with n >= 1, got shape {x.shape} of {x.dtype}")
     if not finite_rows(x).all():
         raise ValueError("x must be finite, got a NaN or an infinity")

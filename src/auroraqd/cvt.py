@@ -68,9 +68,9 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
     if len(samples) < cells:
         raise ValueError(f"samples must be at least as many as cells, {cells}, got {len(samples)}")
     path = _cache_path(samples, cells, steps, seed) if cache else None
-    if path is not None and (found := _read(path)) is not None:
-        if found.centroids.shape[1] == samples.shape[1] and len(found.centroids) <= cells:
-            return found
+    found = None if path is None else _read(path)
+    if found is not None and found.centroids.shape[1] == samples.shape[1] and len(found.centroids) <= cells:
+        return found
     result = _lloyd(samples, cells, steps, seed)
     if path is not None:
         _write(path, result)

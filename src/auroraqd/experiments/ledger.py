@@ -44,8 +44,8 @@ class Ledger:
         unknown = sorted({row.variant for row in [*self.results, *self.points]} - set(self._settings))
         if unknown:
             raise ValueError(
-                f"{self.folder / SETTINGS} must hold the settings of every variant with results, but not of {', '.join(unknown)}: "
-                "where results are copied to, it belongs to them"
+                f"{self.folder / SETTINGS} must hold the settings of every variant with results, and has none of "
+                f"{', '.join(unknown)}: it belongs to the results wherever they are copied"
             )
 
     def check(self, variants: Mapping[str, Settings]) -> None:
