@@ -135,8 +135,12 @@ def _until_broken(
             ready = next((job for job in waiting if job.reference not in needed), None)
             if ready is None or (alone and ready not in suspects):
                 break
+            try:
+                running[pool.submit(_work, ready)] = ready
+            except BrokenProcessPool:  # it broke since the last look
+                broken = True
+                break
             waiting.remove(ready)
-            running[pool.submit(_work, ready)] = ready
         if not running:
             break
         for future in wait(running, return_when=FIRST_COMPLETED).done:
