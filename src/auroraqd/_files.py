@@ -36,18 +36,28 @@ def _sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def read_table(path: Path, kind: type[_Row]) -> list[_Row]:
+def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list[_Row]:
     """The records of a CSV file whose columns are the fields of a `NamedTuple`, of strings and numbers.
+
+    Args:
+        path: of the file.
+        kind: of the records.
+        rest: a field that holds all further columns, numbers, as a dictionary. Without it there must be none.
 
     Raises:
         ValueError: the file is damaged.
     """
-    fields: dict[str, Any] = kind.__annotations__
+    fields: dict[str, Any] = {name: of for name, of in kind.__annotations__.items() if name != rest}
     try:
         with path.open(newline="") as file:
             header, *rows = csv.reader(file)
-        if header != list(fields):
+        if not set(fields) <= set(header) or len(set(header)) < len(header) or (rest is None and len(header) > len(fields)):
             raise ValueError(f"the columns must be {', '.join(fields)}")
-        return [kind(*(of(value) for of, value in zip(fields.values(), row, strict=True))) for row in rows]
+        return [_record(kind, fields, dict(zip(header, row, strict=True)), rest) for row in rows]
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def _record(kind: type[_Row], fields: dict[str, Any], row: dict[str, str], rest: str | None) -> _Row:
+    values = {name: of(row.pop(name)) for name, of in fields.items()}
+    return kind(**values, **({} if rest is None else {rest: {name: float(value) for name, value in row.items()}}))

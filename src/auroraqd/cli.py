@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
     from auroraqd.experiments import Settings
     from auroraqd.experiments.replication import Job
-    from auroraqd.experiments.variants import Variant
+    from auroraqd.experiments.variants import Experiment
 
 _SAVE_EVERY = 60.0  # s
 
@@ -168,14 +168,14 @@ def show(
 
 @app.command()
 def reproduce(
-    task: Annotated[str, typer.Argument(help="Whose experiment: ballistic.")],
+    task: Annotated[str, typer.Argument(help="Whose experiment: ballistic or air-hockey.")],
     replications: Annotated[int, typer.Option(help="Runs of each variant.")] = 20,
     generations: Annotated[int, typer.Option(help="Generations of 200 evaluations a run.")] = 5000,
     variants: Annotated[
         str,
         typer.Option(
-            help="Which, separated by commas: hand-coded, genotype, pca-incremental, pca-pretrained, ae-incremental, "
-            "ae-pretrained, cvt-prior, cvt, ae-isometric, ae-pretrained-split."
+            help="Which, separated by commas: hand-coded, pca-incremental, ae-incremental, cvt, ae-isometric; of ballistic also "
+            "genotype, pca-pretrained, ae-pretrained, cvt-prior, ae-pretrained-split."
         ),
     ] = "all",
     jobs: Annotated[int | None, typer.Option(help="Runs at once. [default: one a core]")] = None,
@@ -190,15 +190,16 @@ def reproduce(
 
     Runs that are done are skipped, so it can be interrupted and called again. Example: auroraqd reproduce ballistic --quick
     """
-    from auroraqd.experiments.variants import BALLISTIC, quickened
+    from auroraqd.experiments.variants import EXPERIMENTS
 
-    if task != "ballistic":
-        raise UserError(f"task must be ballistic, got {task!r}")
-    known = quickened(BALLISTIC) if quick else BALLISTIC
+    if task not in EXPERIMENTS:
+        raise UserError(f"task must be one of {', '.join(EXPERIMENTS)}, got {task!r}")
+    experiment = EXPERIMENTS[task].quickened() if quick else EXPERIMENTS[task]
+    known = experiment.variants
     names = list(known) if variants == "all" else [name.strip() for name in variants.split(",")]
     unknown = [name for name in names if name not in known]
     if unknown:
-        raise UserError(f"variants must be of {', '.join(known)}, got {', '.join(unknown)}")
+        raise UserError(f"variants of {task} must be of {', '.join(known)}, got {', '.join(unknown)}")
     if quick:
         replications, generations = min(replications, 2), min(generations, 60)
         console.print(
@@ -208,8 +209,8 @@ def reproduce(
         if value is not None and value < 1:
             raise UserError(f"{name} must be 1 or more, got {value}")
     _reproduce(
-        known,
-        names,
+        experiment,
+        [name for name in known if name in names],
         replications,
         generations,
         jobs or _cores(),
@@ -222,15 +223,14 @@ def _cores() -> int:
 
 
 def _reproduce(
-    known: "Mapping[str, Variant]", names: "Sequence[str]", replications: int, generations: int, workers: int, out: Path
+    experiment: "Experiment", names: "Sequence[str]", replications: int, generations: int, workers: int, out: Path
 ) -> None:
     from auroraqd.experiments.ledger import Ledger
     from auroraqd.experiments.runner import execute, plan
-    from auroraqd.experiments.variants import base
     from auroraqd.progress import ExperimentProgress
 
     ledger = Ledger(out)
-    jobs, settings = plan(ledger, [known[name] for name in known if name in names], replications, base(generations))
+    jobs, settings = plan(ledger, experiment, names, replications, experiment.base(generations))
     out.mkdir(parents=True, exist_ok=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console.print(f"{len(jobs)} runs to do, {len(ledger.results)} done before; results in {out}", highlight=False)
@@ -252,7 +252,7 @@ def _reproduce(
 
     from auroraqd.report import write_report
 
-    files = write_report(ledger, known)
+    files = write_report(ledger, experiment)
     table = (out / "summary.md").read_text()
     console.print(Markdown(table) if console.is_terminal else table, highlight=False, soft_wrap=not console.is_terminal)
     for path in files:

@@ -141,9 +141,10 @@ class ExperimentProgress:
         self._finished += 1
         self._remove(result.variant, result.replication)
         rmse = "" if result.rmse != result.rmse else f", RMSE {result.rmse:.4f}"
+        measures = "".join(f", {name} {value:.4g}" for name, value in list(result.measures.items())[:1])
         self._line(
-            f"{self._finished}/{self._runs} {result.variant} {result.replication}: {result.size:,} stored, "
-            f"KLC {result.klc:.4f}{rmse}, {result.seconds:.0f} s"
+            f"{self._finished}/{self._runs} {result.variant} {result.replication}: {result.size:,} stored"
+            f"{measures}{rmse}, {result.seconds:.0f} s"
         )
 
     def failed_run(self, job: Job, reason: str) -> None:

@@ -11,7 +11,7 @@ The first three are small and say what is done; the run folders are only needed 
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +20,7 @@ from auroraqd.experiments.replication import Point, Result
 from auroraqd.experiments.settings import Settings
 
 SETTINGS, RUNS, CURVES, FOLDERS = "settings.json", "runs.csv", "curves.csv", "runs"
+_MEASURES = "measures"  # the field whose entries are columns of their own
 _Row = TypeVar("_Row", Result, Point)
 
 
@@ -107,14 +108,18 @@ def _read_settings(path: Path) -> dict[str, Any]:
 
 
 def _table(path: Path, kind: type[_Row]) -> list[_Row]:
-    return read_table(path, kind) if path.is_file() else []
+    return read_table(path, kind, rest=_MEASURES) if path.is_file() else []
 
 
-def _csv(kind: type[_Row], rows: Iterable[_Row]) -> str:
+def _csv(kind: type[_Row], rows: Sequence[_Row]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(kind._fields)
-    writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+    fields = [name for name in kind._fields if name != _MEASURES]
+    measures = list(dict.fromkeys(name for row in rows for name in row.measures))
+    writer.writerow([*fields, *measures])
+    for row in rows:
+        values = [*(getattr(row, name) for name in fields), *(row.measures.get(name, float("nan")) for name in measures)]
+        writer.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in values])
     return text.getvalue()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from auroraqd import metrics, storage
 from auroraqd.aurora import Aurora
+from auroraqd.experiments.measures import Measure
 from auroraqd.experiments.settings import Settings
 
 
@@ -19,13 +20,12 @@ class Result(NamedTuple):
         variant, replication: which run.
         seed, generations, batch_size: its settings.
         size: individuals stored.
-        klc: joint Kullback-Leibler coverage of the reference repertoire; `klc_marginal`: the sum of the marginal ones.
-        outside: share of the repertoire outside the box of the reference.
         rmse: mean reconstruction error on the [-1, 1] scale; `rmse_metres`: in the units of the observations. NaN where the
             descriptor cannot reconstruct.
         l: distance threshold at the end; NaN without one.
         new, replaced, rejected, invalid: individuals that were given this status.
         seconds: of the run, training included.
+        measures: those of the experiment, by name.
     """
 
     variant: str
@@ -34,9 +34,6 @@ class Result(NamedTuple):
     generations: int
     batch_size: int
     size: int
-    klc: float
-    klc_marginal: float
-    outside: float
     rmse: float
     rmse_metres: float
     l: float
@@ -45,6 +42,11 @@ class Result(NamedTuple):
     rejected: int
     invalid: int
     seconds: float
+    measures: dict[str, float]
+
+    def value(self, measure: str) -> float:
+        """A number of this run, be it a measure of the experiment or not."""
+        return _value(self, measure)
 
 
 class Point(NamedTuple):
@@ -54,9 +56,17 @@ class Point(NamedTuple):
     replication: int
     generation: int
     size: int
-    klc: float
     rmse: float
     l: float
+    measures: dict[str, float]
+
+    def value(self, measure: str) -> float:
+        """A number of this moment, be it a measure of the experiment or not; NaN where it is not taken during runs."""
+        return _value(self, measure)
+
+
+def _value(row: Result | Point, measure: str) -> float:
+    return float(row.measures.get(measure, getattr(row, measure, float("nan"))))
 
 
 class Job(NamedTuple):
@@ -66,7 +76,8 @@ class Job(NamedTuple):
     replication: int
     settings: Settings
     folder: Path
-    reference: Path | None  # the run folder of the reference of this replication; None: the run itself
+    reference: Path | None  # the run folder of the reference of this replication; None: the run itself, or there is none
+    measures: tuple[Measure, ...]
 
 
 def looked_at(generations: int) -> frozenset[int]:
@@ -84,43 +95,45 @@ def replicate(job: Job, listener: Callable[[Aurora], Any]) -> tuple[Result, list
     """
     since = time.perf_counter()
     task, aurora = job.settings.build()
-    snapshots: list[tuple[Any, np.ndarray]] = []
+    looks: list[tuple[Any, dict[str, Any]]] = []
     wanted = looked_at(job.settings.generations)
 
     def follow(aurora: Aurora) -> None:
         listener(aurora)
         if aurora.generation in wanted and len(aurora.archive):
-            assert aurora.archive.ground_truth is not None
-            snapshots.append((aurora.history.last, aurora.archive.ground_truth.copy()))
+            taken = [m for m in job.measures if m.followed or aurora.generation == job.settings.generations]
+            looks.append((aurora.history.last, {m.name: m.look(aurora.archive) for m in taken}))
 
     aurora.run(task, generations=job.settings.generations, callback=follow)
     seconds = time.perf_counter() - since
     storage.save(aurora, job.folder, config=job.settings.as_json())
-    final = snapshots[-1][1]
-    reference = final if job.reference is None else storage.load(job.reference).ground_truth
-    assert reference is not None
-    points = [
-        Point(job.variant, job.replication, r.generation, r.size, metrics.klc(reference, truth), r.rmse, r.l)
-        for r, truth in snapshots
-    ]
-    last = snapshots[-1][0]
+    if not looks:
+        raise ValueError("nothing was stored")
+    last, seen = looks[-1]
+    if job.reference is not None:
+        repertoire = storage.load(job.reference)
+        seen = {m.name: m.look(repertoire) for m in job.measures}
+
+    def scores(looked: dict[str, Any]) -> dict[str, float]:
+        return {m.name: m.score(looked[m.name], seen[m.name]) for m in job.measures if m.name in looked}
+
+    run = job.variant, job.replication
+    points = [Point(*run, record.generation, record.size, record.rmse, record.l, scores(looked)) for record, looked in looks]
     result = Result(
-        variant=job.variant,
-        replication=job.replication,
+        *run,
         seed=job.settings.seed,
         generations=last.generation,
         batch_size=job.settings.batch_size,
         size=last.size,
-        klc=points[-1].klc,
-        klc_marginal=metrics.klc(reference, final, marginal=True),
-        outside=metrics.outside(reference, final),
         rmse=last.rmse,
         rmse_metres=_rmse_in_units(aurora),
         l=last.l,
         **{name: getattr(last, name) for name in ("new", "replaced", "rejected", "invalid")},
         seconds=seconds,
+        measures=points[-1].measures,
     )
-    return result, points
+    followed = {m.name for m in job.measures if m.followed}
+    return result, [p._replace(measures={name: p.measures[name] for name in p.measures if name in followed}) for p in points]
 
 
 def _rmse_in_units(aurora: Aurora) -> float:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Protocol
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, replicate
 from auroraqd.experiments.settings import Settings
-from auroraqd.experiments.variants import BALLISTIC, REFERENCE, Variant
+from auroraqd.experiments.variants import Experiment
 from auroraqd.storage import load
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")
@@ -52,12 +52,19 @@ class Listener(Protocol):
 
 
 def plan(
-    ledger: Ledger, variants: Sequence[Variant], replications: int, base: Settings
+    ledger: Ledger, experiment: Experiment, names: Sequence[str], replications: int, base: Settings
 ) -> tuple[list[Job], dict[str, Settings]]:
     """The runs that are missing, in an order in which the references come first.
 
-    The hand-coded repertoire of each replication is the reference of its other runs, so it is grown even if it is not asked
-    for, and once more where only its numbers are there.
+    The reference of each replication, if the experiment has one, is grown even if it is not asked for, and once more where only
+    its numbers are there.
+
+    Args:
+        ledger: what is done.
+        experiment: what to do.
+        names: of its variants, those that are asked for.
+        replications: of each.
+        base: what they have in common.
 
     Returns:
         The jobs, and the settings of each variant.
@@ -65,20 +72,26 @@ def plan(
     Raises:
         ValueError: the ledger holds results of other settings.
     """
-    named = {variant.name: variant for variant in variants}
-    settings = {name: variant.of(base, 0) for name, variant in {REFERENCE: BALLISTIC[REFERENCE], **named}.items()}
+    needed = [experiment.reference] if experiment.reference is not None else []
+    settings = {name: experiment.variants[name].of(base, 0) for name in dict.fromkeys([*needed, *names])}
     ledger.check(settings)
+
+    def job(name: str, replication: int, reference: Path | None) -> Job:
+        made = experiment.variants[name].of(base, replication)
+        return Job(name, replication, made, ledger.run_folder(name, replication), reference, experiment.measures)
+
     jobs = []
     for replication in range(replications):
-        reference = ledger.run_folder(REFERENCE, replication)
-        missing = [name for name in named if name != REFERENCE and replication not in ledger.done(name)]
-        have = replication in ledger.done(REFERENCE)
-        if (not have and (missing or REFERENCE in named)) or (missing and not _complete(reference)):
-            jobs.append(Job(REFERENCE, replication, BALLISTIC[REFERENCE].of(base, replication), reference, None))
-        jobs += [
-            Job(name, replication, named[name].of(base, replication), ledger.run_folder(name, replication), reference)
-            for name in missing
-        ]
+        missing = [name for name in names if replication not in ledger.done(name)]
+        reference = None
+        if experiment.reference is not None:
+            reference = ledger.run_folder(experiment.reference, replication)
+            others = [name for name in missing if name != experiment.reference]
+            have = replication in ledger.done(experiment.reference)
+            if experiment.reference in missing or (others and not (have and _complete(reference))):
+                jobs.append(job(experiment.reference, replication, None))
+            missing = others
+        jobs += [job(name, replication, reference) for name in missing]
     return sorted(jobs, key=lambda job: job.reference is not None), settings
 
 

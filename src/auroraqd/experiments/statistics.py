@@ -1,14 +1,12 @@
 """Statistics of replications: medians, quartiles, and rank-sum tests, as the paper has them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from auroraqd.experiments.replication import Result
-from auroraqd.experiments.variants import Variant
-
-MEASURES = ("size", "klc", "klc_marginal", "rmse", "rmse_metres", "seconds")
+from auroraqd.experiments.variants import Experiment, Variant
 
 
 class Quartiles(NamedTuple):
@@ -36,13 +34,18 @@ class Summary(NamedTuple):
     measures: dict[str, Quartiles]
 
 
-def summaries(results: Sequence[Result], variants: Mapping[str, Variant]) -> list[Summary]:
-    """A summary of each variant that has results, in the order of `variants`."""
+def columns(experiment: Experiment) -> tuple[str, ...]:
+    """What is summarised, measures of the experiment among them."""
+    return ("size", *(measure.name for measure in experiment.measures), "rmse", "rmse_metres", "seconds")
+
+
+def summaries(results: Sequence[Result], experiment: Experiment) -> list[Summary]:
+    """A summary of each variant that has results, in the order of the experiment."""
     found = []
-    for name, variant in variants.items():
+    for name, variant in experiment.variants.items():
         rows = [result for result in results if result.variant == name]
         if rows:
-            measures = {m: Quartiles.of(np.array([getattr(row, m) for row in rows], float)) for m in MEASURES}
+            measures = {m: Quartiles.of(np.array([row.value(m) for row in rows])) for m in columns(experiment)}
             found.append(Summary(variant, len(rows), measures))
     return found
 
@@ -57,7 +60,7 @@ def rank_sums(results: Sequence[Result], measure: str) -> dict[tuple[str, str], 
 
     values: dict[str, list[float]] = {}
     for result in results:
-        value = float(getattr(result, measure))
+        value = result.value(measure)
         if np.isfinite(value):
             values.setdefault(result.variant, []).append(value)
     names = [name for name, measured in values.items() if len(measured) > 1]

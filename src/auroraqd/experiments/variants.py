@@ -1,13 +1,14 @@
-"""The compared variants of the paper as data (Sec. "First scenario", "Compared approaches"), and ours."""
+"""The experiments of the paper as data: their compared variants (Secs. "First scenario", "Second scenario"), and ours."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
+from auroraqd import metrics
+from auroraqd.experiments.measures import Coverage, Diversity, Measure
 from auroraqd.experiments.settings import CVT, CVTPrior, Settings
 from auroraqd.variation import Polynomial
-
-REFERENCE = "hand-coded"
-"""The variant whose final repertoire the others are measured against."""
 
 # The network of the paper, trained with Adam for 60 epochs instead of its up to 125,000 of Adagrad; what the training does to
 # the coverage is in docs/reproduction.md.
@@ -23,7 +24,7 @@ class Variant:
         name: short, for files and the command line.
         title: as in the paper.
         settings: what differs from `Settings()`.
-        paper: the median KLC that the paper reports; None for what is not in it.
+        paper: the median of the first measure of the experiment that the paper reports; None for what is not in it.
     """
 
     name: str
@@ -36,14 +37,62 @@ class Variant:
         return replace(base, seed=seed, **self.settings)
 
 
-BALLISTIC = {
-    variant.name: variant
-    for variant in (
-        Variant(REFERENCE, "Hand-coded", {"descriptor": "hand-coded"}, 0.0),
+@dataclass(frozen=True)
+class Experiment:
+    """Variants on a task, and what they are judged by.
+
+    Args:
+        task: a name of `auroraqd.experiments.settings.TASKS`.
+        variants: by name, in the order of tables.
+        measures: the one that the paper compares by first.
+        reference: the variant whose final repertoire is the reference of the others of the same replication; None: the measures
+            need none.
+        tested: what variants are compared by in rank-sum tests.
+    """
+
+    task: str
+    variants: Mapping[str, Variant]
+    measures: tuple[Measure, ...]
+    reference: str | None
+    tested: tuple[str, ...]
+
+    def base(self, generations: int = 5000, batch_size: int = 200) -> Settings:
+        """What the variants have in common: the paper's budget and variation."""
+        variation = Polynomial(at_least_one=False)
+        return Settings(task=self.task, generations=generations, batch_size=batch_size, variation=variation)
+
+    def quickened(self) -> "Experiment":
+        """The same in little time: auto-encoders hardly trained, few centroids. To see it work, not to draw conclusions."""
+        return replace(self, variants={name: _quickened(variant) for name, variant in self.variants.items()})
+
+
+def _quickened(variant: Variant) -> Variant:
+    settings = dict(variant.settings)
+    if "autoencoder" in settings["descriptor"]:
+        settings["descriptor"] = settings["descriptor"].replace("min_steps=0", "min_steps=200") + ",repeats=2,max_epochs=4"
+    if isinstance(settings.get("archive"), CVT):
+        settings["archive"] = CVT(cells=2_000, samples=4_000)
+    return replace(variant, settings=settings)
+
+
+def _named(*variants: Variant) -> dict[str, Variant]:
+    return {variant.name: variant for variant in variants}
+
+
+_HAND_CODED = Variant("hand-coded", "Hand-coded", {"descriptor": "hand-coded"})
+_PCA = Variant("pca-incremental", "AURORA-PCA incremental", {"descriptor": "pca"})
+_AE = Variant("ae-incremental", "AURORA-AE incremental", {"descriptor": _PLAIN})
+_AE_ISOMETRIC = Variant("ae-isometric", "AURORA-AE isometric incremental", {"descriptor": f"autoencoder:{_TRAINING}"})
+_CVT = Variant("cvt", "CVT-MAP-Elites without prior", {"descriptor": "observation", "archive": CVT(cells=100_000)})
+
+BALLISTIC = Experiment(
+    task="ballistic",
+    variants=_named(
+        replace(_HAND_CODED, paper=0.0),
         Variant("genotype", "Genotype", {"descriptor": "genotype"}, 0.686),
-        Variant("pca-incremental", "AURORA-PCA incremental", {"descriptor": "pca"}, 0.051),
+        replace(_PCA, paper=0.051),
         Variant("pca-pretrained", "AURORA-PCA pre-trained", {"descriptor": "pca", "pretrained": True}, 0.053),
-        Variant("ae-incremental", "AURORA-AE incremental", {"descriptor": _PLAIN}, 0.097),
+        replace(_AE, paper=0.097),
         Variant(
             "ae-pretrained",
             "AURORA-AE pre-trained",
@@ -56,32 +105,32 @@ BALLISTIC = {
             {"descriptor": "observation", "pretrained": True, "archive": CVTPrior()},
             0.704,
         ),
-        Variant("cvt", "CVT-MAP-Elites without prior", {"descriptor": "observation", "archive": CVT(cells=100_000)}, 3.2),
-        Variant("ae-isometric", "AURORA-AE isometric incremental", {"descriptor": f"autoencoder:{_TRAINING}"}),
+        replace(_CVT, paper=3.2),
+        _AE_ISOMETRIC,
         Variant(
             "ae-pretrained-split",
             "AURORA-AE pre-trained, validation split",
             {"descriptor": _PLAIN, "pretrained": True},
         ),
-    )
-}
-"""By name. The paper's eight; then ours, whose auto-encoder keeps distances; then the paper's pre-trained one with the split
-that it was trained without."""
+    ),
+    measures=(
+        Coverage("klc", "KLC", metrics.klc, followed=True, logarithmic=True),
+        Coverage("klc_marginal", "KLC, marginal", partial(metrics.klc, marginal=True)),
+        Coverage("outside", "outside", metrics.outside),
+    ),
+    reference="hand-coded",
+    tested=("klc",),
+)
+"""The paper's eight; then ours, whose auto-encoder keeps distances; then the paper's pre-trained one with the split that it was
+trained without."""
 
+AIR_HOCKEY = Experiment(
+    task="air-hockey",
+    variants=_named(_HAND_CODED, _PCA, _AE, _CVT, _AE_ISOMETRIC),
+    measures=(Diversity("diversity", "diversity", bins=10), Diversity("diversity_20", "diversity, 20 x 20", bins=20)),
+    reference=None,
+    tested=("diversity", "diversity_20", "rmse_metres"),
+)
+"""The paper's four, of which the hand-coded descriptor is the final position of the puck; then ours."""
 
-def base(generations: int = 5000, batch_size: int = 200) -> Settings:
-    """What the variants have in common: the paper's budget and variation."""
-    return Settings(generations=generations, batch_size=batch_size, variation=Polynomial(at_least_one=False))
-
-
-def quickened(variants: dict[str, Variant]) -> dict[str, Variant]:
-    """The same in little time: auto-encoders hardly trained, few centroids. To see it work, not to draw conclusions."""
-    changed = {}
-    for name, variant in variants.items():
-        settings = dict(variant.settings)
-        if "autoencoder" in settings["descriptor"]:
-            settings["descriptor"] = settings["descriptor"].replace("min_steps=0", "min_steps=200") + ",repeats=2,max_epochs=4"
-        if "archive" in settings and isinstance(settings["archive"], CVT):
-            settings["archive"] = CVT(cells=2_000, samples=4_000)
-        changed[name] = replace(variant, settings=settings)
-    return changed
+EXPERIMENTS = {experiment.task: experiment for experiment in (BALLISTIC, AIR_HOCKEY)}

@@ -16,126 +16,136 @@ from auroraqd import storage
 from auroraqd._files import replacing
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Point
-from auroraqd.experiments.statistics import MEASURES, Quartiles, rank_sums, summaries
-from auroraqd.experiments.variants import REFERENCE, Variant
+from auroraqd.experiments.statistics import Quartiles, columns, rank_sums, summaries
+from auroraqd.experiments.variants import Experiment, Variant
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.figures import STYLE, save_figure, scatter, two_dimensional_colors
 
 SUMMARY_CSV, SUMMARY_MD = "summary.csv", "summary.md"
-_CURVES = {"size": "repertoire size", "klc": "KLC", "rmse": "reconstruction RMSE, [-1, 1] scale"}
-_FORMATS = {"size": "{:,.0f}", "rmse_metres": "{:.1f}", "seconds": "{:.0f}"}
-_TITLES = {
-    "size": "stored",
-    "klc": "KLC",
-    "klc_marginal": "KLC, marginal",
-    "rmse": "RMSE",
-    "rmse_metres": "RMSE, m",
-    "seconds": "seconds",
-}
+_TITLES = {"size": "stored", "rmse": "RMSE", "rmse_metres": "RMSE, m", "seconds": "seconds"}
+_FORMS = {"size": "{:,.0f}", "rmse": "{:.4f}", "rmse_metres": "{:.3g}", "seconds": "{:.0f}"}
 
 
-def write_report(ledger: Ledger, variants: Mapping[str, Variant]) -> list[Path]:
+def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
     """Write tables and figures beside the results; returns the files."""
     figures = ledger.folder / storage.FIGURES
     figures.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, text in ((SUMMARY_CSV, summary_csv(ledger, variants)), (SUMMARY_MD, summary_markdown(ledger, variants))):
+    for name, text in ((SUMMARY_CSV, summary_csv(ledger, experiment)), (SUMMARY_MD, summary_markdown(ledger, experiment))):
         written.append(ledger.folder / name)
         with replacing(written[-1]) as file:
             file.write(text.encode())
-    written += save_figure(curves_figure(ledger.points, variants), figures, "curves")
-    repertoires = _first_repertoires(ledger, variants)
+    written += save_figure(curves_figure(ledger.points, experiment), figures, "curves")
+    repertoires = _first_repertoires(ledger, experiment.variants)
     if repertoires:
         written += save_figure(panel_figure(repertoires), figures, "repertoires")
     return written
 
 
-def summary_csv(ledger: Ledger, variants: Mapping[str, Variant]) -> str:
-    """A line a variant: replications, then median and quartiles of each measure."""
-    columns = [f"{measure}_{part}" for measure in MEASURES for part in Quartiles._fields]
-    lines = [",".join(["variant", "replications", *columns, "klc_paper"])]
-    for row in summaries(ledger.results, variants):
-        values = [f"{value:.6g}" for measure in MEASURES for value in row.measures[measure]]
-        paper = "" if row.variant.paper is None else f"{row.variant.paper:g}"
-        lines.append(",".join([row.variant.name, str(row.replications), *values, paper]))
+def summary_csv(ledger: Ledger, experiment: Experiment) -> str:
+    """A line a variant: replications, then median and quartiles of each column, and what the paper reports of the first measure."""
+    measures = columns(experiment)
+    paper = [f"{experiment.measures[0].name}_paper"] if _in_paper(experiment) else []
+    titles = [f"{measure}_{part}" for measure in measures for part in Quartiles._fields]
+    lines = [",".join(["variant", "replications", *titles, *paper])]
+    for row in summaries(ledger.results, experiment):
+        values = [f"{value:.6g}" for measure in measures for value in row.measures[measure]]
+        reported = ["" if row.variant.paper is None else f"{row.variant.paper:g}"] * len(paper)
+        lines.append(",".join([row.variant.name, str(row.replications), *values, *reported]))
     return "\n".join(lines) + "\n"
 
 
-def summary_markdown(ledger: Ledger, variants: Mapping[str, Variant]) -> str:
-    """Medians with quartiles beside the paper's medians, and the p-values of the rank-sum tests on the KLC."""
+def _in_paper(experiment: Experiment) -> bool:
+    return any(variant.paper is not None for variant in experiment.variants.values())
+
+
+def summary_markdown(ledger: Ledger, experiment: Experiment) -> str:
+    """Medians with quartiles, beside the paper's medians where it has some, and the p-values of the rank-sum tests."""
     generations = sorted({result.generations for result in ledger.results})
+    titles = {**_TITLES, **{measure.name: measure.title for measure in experiment.measures}}
+    forms = {**_FORMS, **{measure.name: measure.form for measure in experiment.measures}}
+    paper = [f"{experiment.measures[0].title}, paper"] if _in_paper(experiment) else []
     lines = [
-        f"After {' or '.join(f'{number:,}' for number in generations)} generations of {ledger.results[0].batch_size}; "
-        "the paper's medians of the KLC are after 5,000 of 200.",
+        f"After {' or '.join(f'{number:,}' for number in generations)} generations of {ledger.results[0].batch_size}"
+        + ("; the paper's medians are after 5,000 of 200." if paper else "."),
         "",
-        f"| variant | runs | KLC, paper | {' | '.join(_TITLES.values())} |",
-        "|---" * (3 + len(_TITLES)) + "|",
     ]
-    for row in summaries(ledger.results, variants):
-        cells = [_cell(measure, row.measures[measure]) for measure in _TITLES]
-        paper = "" if row.variant.paper is None else f"{row.variant.paper:g}"
-        lines.append(f"| {row.variant.title} | {row.replications} | {paper} | {' | '.join(cells)} |")
+    rows = []
+    for row in summaries(ledger.results, experiment):
+        reported = ["" if row.variant.paper is None else f"{row.variant.paper:g}"] * len(paper)
+        cells = [_cell(forms[measure], row.measures[measure]) for measure in columns(experiment)]
+        rows.append([row.variant.title, str(row.replications), *reported, *cells])
+    lines += _table(["variant", "runs", *paper, *(titles[measure] for measure in columns(experiment))], rows)
     lines += [
         "",
         "Medians over replications, first and third quartile in brackets. RMSE is on the scale from -1 to 1 of what each run",
+        "stored: between runs that were scaled differently it compares in metres only.",
     ]
-    lines += ["stored, so that of incremental and pre-trained variants compare in metres only.", ""]
-    tests = rank_sums(ledger.results, "klc")
-    names = [name for name in variants if any(name in pair for pair in tests)]
-    if names:
-        lines += ["Rank-sum tests on the KLC, two-sided p-values:", ""]
-        lines += [f"| | {' | '.join(names[1:])} |", "|---" * len(names) + "|"]
-        for i, one in enumerate(names[:-1]):
-            values = [tests.get((one, other), tests.get((other, one))) for other in names[1:]]
-            cells = ["" if value is None or j < i else f"{value:.2g}" for j, value in enumerate(values)]
-            lines.append(f"| {one} | {' | '.join(cells)} |")
+    for measure in experiment.tested:
+        lines += _tests(measure, titles[measure], ledger, experiment)
     return "\n".join(lines) + "\n"
 
 
-def _cell(measure: str, q: Quartiles) -> str:
+def _tests(measure: str, title: str, ledger: Ledger, experiment: Experiment) -> list[str]:
+    """The p-values between all pairs of variants, as a table; no lines where there is no pair."""
+    tests = rank_sums(ledger.results, measure)
+    names = [name for name in experiment.variants if any(name in pair for pair in tests)]
+    rows = []
+    for i, one in enumerate(names[:-1]):
+        values = [tests.get((one, other), tests.get((other, one))) for other in names[1:]]
+        rows.append([one, *("" if value is None or j < i else f"{value:.2g}" for j, value in enumerate(values))])
+    return ["", f"Rank-sum tests on the {title}, two-sided p-values:", "", *_table(["", *names[1:]], rows)] if rows else []
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(header)} |", "|---" * len(header) + "|", *(f"| {' | '.join(row)} |" for row in rows)]
+
+
+def _cell(form: str, q: Quartiles) -> str:
     if np.isnan(q.median):
         return ""
-    form = _FORMATS.get(measure, "{:.4f}")
     return f"{form.format(q.median)} ({form.format(q.first)}, {form.format(q.third)})"
 
 
-def curves_figure(points: Sequence[Point], variants: Mapping[str, Variant]) -> Figure:
-    """Size, KLC and RMSE over generations: the median of the replications as a line, the quartiles as a band."""
-    colors = dict(zip(variants, mpl.colormaps["tab10"].colors, strict=False))  # pyright: ignore[reportAttributeAccessIssue]
+def curves_figure(points: Sequence[Point], experiment: Experiment) -> Figure:
+    """What was followed over generations: the median of the replications as a line, the quartiles as a band."""
+    colors = dict(zip(experiment.variants, mpl.colormaps["tab10"].colors, strict=False))  # pyright: ignore[reportAttributeAccessIssue]
+    followed = [measure for measure in experiment.measures if measure.followed]
+    logarithmic = {measure.name for measure in followed if measure.logarithmic}
+    titles = {"size": "repertoire size", **{m.name: m.title for m in followed}, "rmse": "reconstruction RMSE, [-1, 1] scale"}
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(15, 4.6), layout="constrained")
-        panels = figure.subplots(1, len(_CURVES))
+        figure = Figure(figsize=(5 * len(titles), 4.6), layout="constrained")
         shown = {}
-        for axes, (measure, title) in zip(panels, _CURVES.items(), strict=True):
-            for name, variant in variants.items():
-                generation, quartiles = _curve([p for p in points if p.variant == name], measure)
+        for axes, (measure, title) in zip(figure.subplots(1, len(titles)), titles.items(), strict=True):
+            for name, variant in experiment.variants.items():
+                own = [point for point in points if point.variant == name]
+                generation, quartiles = _curve(own, measure, positive=measure in logarithmic)
                 if len(generation):
                     axes.fill_between(generation, quartiles[:, 1], quartiles[:, 2], color=colors[name], alpha=0.25, linewidth=0)
                     (shown[variant.title],) = axes.plot(generation, quartiles[:, 0], color=colors[name], linewidth=1.3)
             axes.set(xlabel="generation", title=title)
             axes.set_xlim(left=0)
-            if measure == "klc":
+            if measure in logarithmic:
                 axes.set_yscale("log")
-                axes.set_ylim(bottom=_floor(points))
-                axes.set_title("KLC against the final hand-coded repertoire")
+                axes.set_ylim(bottom=_floor(points, measure, experiment.reference))
             else:
                 axes.set_ylim(bottom=0)
         figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=5, frameon=False)
     return figure
 
 
-def _floor(points: Sequence[Point]) -> float | None:
-    """The lower end of the KLC axis: the reference, which falls to 0 by construction, is cut off."""
-    values = [p.klc for p in points if p.variant != REFERENCE and p.klc > 0]
-    return 0.5 * min(values) if values else None
+def _floor(points: Sequence[Point], measure: str, reference: str | None) -> float | None:
+    """The lower end of a logarithmic axis: the reference, which falls to 0 by construction, is cut off."""
+    values = [point.value(measure) for point in points if point.variant != reference]
+    return 0.5 * min((value for value in values if value > 0), default=0) or None
 
 
-def _curve(points: Sequence[Point], measure: str) -> tuple[np.ndarray, np.ndarray]:
+def _curve(points: Sequence[Point], measure: str, *, positive: bool) -> tuple[np.ndarray, np.ndarray]:
     """Generations, (n,), and median and quartiles, (n, 3), of what was measured at each."""
     by_generation: dict[int, list[float]] = {}
     for point in points:
-        value = float(getattr(point, measure))
-        if np.isfinite(value) and not (measure == "klc" and value <= 0):
+        value = point.value(measure)
+        if np.isfinite(value) and (value > 0 or not positive):
             by_generation.setdefault(point.generation, []).append(value)
     generations = sorted(by_generation)
     quartiles = [Quartiles.of(np.array(by_generation[g])) for g in generations]
