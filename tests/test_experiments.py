@@ -16,16 +16,16 @@ from scipy.stats import ranksums
 
 import auroraqd
 from auroraqd import storage
-from auroraqd.experiments import runner, settings, variants
+from auroraqd.experiments import runner, settings
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
 from auroraqd.experiments.runner import execute, plan
 from auroraqd.experiments.statistics import Quartiles, rank_sums, summaries
-from auroraqd.experiments.variants import BALLISTIC, base
+from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS
 from auroraqd.report import write_report
 
-SMALL = base(generations=4, batch_size=40)
-FEW = [BALLISTIC[name] for name in ("hand-coded", "pca-incremental", "genotype")]
+SMALL = BALLISTIC.base(generations=4, batch_size=40)
+FEW = ["hand-coded", "pca-incremental", "genotype"]
 
 
 class Quiet:
@@ -44,9 +44,9 @@ class Quiet:
         self.given_up.append((job.variant, job.replication, reason))
 
 
-def run_all(ledger, chosen=FEW, replications=2, base=SMALL, workers=2, listener=None):
+def run_all(ledger, names=FEW, replications=2, base=SMALL, workers=2, listener=None, experiment=BALLISTIC):
     listener = listener or Quiet()
-    jobs, known = plan(ledger, chosen, replications, base)
+    jobs, known = plan(ledger, experiment, names, replications, base)
     execute(jobs, known, ledger, workers, listener)
     return listener
 
@@ -58,13 +58,23 @@ def experiment(tmp_path_factory):
     return folder
 
 
-def result(variant="pca-incremental", replication=0, **values):
-    numbers = {name: kind(replication + 1) for name, kind in Result.__annotations__.items() if kind is not str}
-    return Result(**{**numbers, "variant": variant, "replication": replication, **values})
+SOME = ["hand-coded", "pca-incremental"]
+
+
+@pytest.fixture(scope="module")
+def air_hockey(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("air-hockey")
+    run_all(Ledger(folder), SOME, base=AIR_HOCKEY.base(generations=4, batch_size=40), experiment=AIR_HOCKEY)
+    return folder
+
+
+def result(variant="pca-incremental", replication=0, klc=1.0, **values):
+    numbers = {name: kind(replication + 1) for name, kind in Result.__annotations__.items() if kind in (int, float)}
+    return Result(**{**numbers, "variant": variant, "replication": replication, "measures": {"klc": klc}, **values})
 
 
 def test_the_papers_eight_are_there():
-    paper = {name: variant.paper for name, variant in BALLISTIC.items() if variant.paper is not None}
+    paper = {name: variant.paper for name, variant in BALLISTIC.variants.items() if variant.paper is not None}
     assert paper == {
         "hand-coded": 0.0,
         "genotype": 0.686,
@@ -75,17 +85,17 @@ def test_the_papers_eight_are_there():
         "cvt-prior": 0.704,
         "cvt": 3.2,
     }
-    for name, variant in BALLISTIC.items():
-        made = variant.of(base(), 7)
+    for name, variant in BALLISTIC.variants.items():
+        made = variant.of(BALLISTIC.base(), 7)
         assert (made.seed, made.generations, made.batch_size, made.variation.at_least_one) == (7, 5000, 200, False)
         assert settings.Settings.from_json(json.loads(json.dumps(made.as_json()))) == made
         assert made.pretrained == (name.split("-")[1:2] in (["pretrained"], ["prior"]))
 
 
 def test_pretrained_without_a_split():
-    assert BALLISTIC["ae-pretrained"].of(SMALL, 0).parameters()["validation"] == 0
-    assert BALLISTIC["ae-pretrained-split"].of(SMALL, 0).parameters()["validation"] == 0.25
-    one, other = (BALLISTIC[name].of(SMALL, 0).parameters() for name in ("ae-incremental", "ae-isometric"))
+    assert BALLISTIC.variants["ae-pretrained"].of(SMALL, 0).parameters()["validation"] == 0
+    assert BALLISTIC.variants["ae-pretrained-split"].of(SMALL, 0).parameters()["validation"] == 0.25
+    one, other = (BALLISTIC.variants[name].of(SMALL, 0).parameters() for name in ("ae-incremental", "ae-isometric"))
     assert {key for key in one if one[key] != other[key]} == {"isometry"}
 
 
@@ -106,9 +116,11 @@ def test_results_are_measured_against_the_reference_of_the_replication(experimen
         reference = auroraqd.load(ledger.run_folder("hand-coded", row.replication)).ground_truth
         assert row.size == len(repertoire)
         assert row.seed == row.replication
-        assert_allclose(row.klc, auroraqd.metrics.klc(reference, repertoire.ground_truth), rtol=1e-5)
-        assert_allclose(row.klc_marginal, auroraqd.metrics.klc(reference, repertoire.ground_truth, marginal=True), rtol=1e-5)
-        assert row.klc == 0 if row.variant == "hand-coded" else row.klc > 0
+        assert_allclose(row.measures["klc"], auroraqd.metrics.klc(reference, repertoire.ground_truth), rtol=1e-5)
+        marginal = auroraqd.metrics.klc(reference, repertoire.ground_truth, marginal=True)
+        assert_allclose(row.measures["klc_marginal"], marginal, rtol=1e-5)
+        assert_allclose(row.measures["outside"], auroraqd.metrics.outside(reference, repertoire.ground_truth), rtol=1e-5)
+        assert row.measures["klc"] == 0 if row.variant == "hand-coded" else row.measures["klc"] > 0
         if row.variant == "pca-incremental":
             assert_allclose(row.rmse, repertoire.reconstruction_error.mean(), rtol=1e-5)
             error = auroraqd.metrics.reconstruction_error(repertoire.observation, repertoire.reconstruct(repertoire.descriptor))
@@ -117,18 +129,70 @@ def test_results_are_measured_against_the_reference_of_the_replication(experimen
             assert np.isnan(row.rmse)
             assert np.isnan(row.rmse_metres)
     last = [p for p in ledger.points if p.generation == 4]
-    assert [(p.variant, p.replication, p.size, p.klc) for p in last] == [
-        (r.variant, r.replication, r.size, r.klc) for r in ledger.results
+    assert [(p.variant, p.replication, p.size, p.measures["klc"]) for p in last] == [
+        (r.variant, r.replication, r.size, r.measures["klc"]) for r in ledger.results
     ]
     assert {p.generation for p in ledger.points} == looked_at(4)
+
+
+def test_air_hockey_is_measured_without_a_reference(air_hockey):
+    ledger = Ledger(air_hockey)
+    assert [(r.variant, r.replication) for r in ledger.results] == [(name, i) for name in sorted(SOME) for i in range(2)]
+    for row in ledger.results:
+        repertoire = auroraqd.load(ledger.run_folder(row.variant, row.replication))
+        for name, bins in (("diversity", 10), ("diversity_20", 20)):
+            assert row.value(name) == pytest.approx(auroraqd.metrics.diversity(repertoire.observation, bins), rel=1e-5)
+        assert row.value("size") == len(repertoire)
+    followed = [p.value("diversity_20") for p in ledger.points if (p.variant, p.replication) == ("pca-incremental", 1)]
+    assert len(followed) == len(looked_at(4))
+    assert followed[-1] == next(r for r in ledger.results if r.variant == "pca-incremental" and r.replication == 1).value(
+        "diversity_20"
+    )
+    assert all(np.isnan(p.value("klc")) for p in ledger.points)
+
+
+def test_without_a_reference_only_what_is_asked_for_is_grown(tmp_path):
+    jobs, known = plan(Ledger(tmp_path), AIR_HOCKEY, ["cvt", "ae-incremental"], 2, AIR_HOCKEY.base(4, 40))
+    assert [(job.variant, job.replication, job.reference) for job in jobs] == [
+        (name, i, None) for i in range(2) for name in ("cvt", "ae-incremental")
+    ]
+    assert set(known) == {"cvt", "ae-incremental"}
+
+
+def test_results_of_another_experiment_are_not_mixed(experiment):
+    with pytest.raises(ValueError, match=r"task 'ballistic' and not 'air-hockey'"):
+        plan(Ledger(experiment), AIR_HOCKEY, ["hand-coded"], 1, AIR_HOCKEY.base(4, 40))
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=lambda experiment: experiment.task)
+def test_experiments_hold_together(experiment):
+    for name, variant in experiment.variants.items():
+        assert variant.name == name
+        assert variant.of(experiment.base(), 3).task == experiment.task
+    names = [measure.name for measure in experiment.measures]
+    assert len(set(names)) == len(names)
+    assert not set(names) & {*Result._fields, *Point._fields}
+    assert set(experiment.tested) <= {*names, *Result._fields}
+    assert experiment.reference is None or experiment.reference in experiment.variants
+
+
+def test_nothing_stored_is_said(tmp_path, monkeypatch):
+    def invalid(task, genotypes):
+        return np.full(len(genotypes), np.nan), np.zeros((len(genotypes), 50, 2)), np.zeros((len(genotypes), 2))
+
+    monkeypatch.setattr(auroraqd.tasks.AirHockey, "__call__", invalid)
+    made = AIR_HOCKEY.variants["hand-coded"].of(AIR_HOCKEY.base(2, 10), 0)
+    with pytest.raises(ValueError, match="nothing was stored"):
+        replicate(Job("hand-coded", 0, made, tmp_path, None, AIR_HOCKEY.measures), listener=lambda aurora: None)
 
 
 def test_a_run_is_the_same_alone(experiment, tmp_path):
     """In a worker process or in this one."""
     ledger = Ledger(experiment)
-    made = BALLISTIC["pca-incremental"].of(SMALL, 1)
+    made = BALLISTIC.variants["pca-incremental"].of(SMALL, 1)
     alone, _ = replicate(
-        Job("pca-incremental", 1, made, tmp_path, ledger.run_folder("hand-coded", 1)), listener=lambda aurora: None
+        Job("pca-incremental", 1, made, tmp_path, ledger.run_folder("hand-coded", 1), BALLISTIC.measures),
+        listener=lambda aurora: None,
     )
     assert alone.size == next(r.size for r in ledger.results if (r.variant, r.replication) == ("pca-incremental", 1))
     assert_array_equal(auroraqd.load(tmp_path).genotype, auroraqd.load(ledger.run_folder("pca-incremental", 1)).genotype)
@@ -136,34 +200,38 @@ def test_a_run_is_the_same_alone(experiment, tmp_path):
 
 def test_what_is_done_is_skipped(experiment):
     ledger = Ledger(experiment)
-    assert plan(ledger, FEW, 2, SMALL)[0] == []
-    jobs, _ = plan(ledger, FEW, 3, SMALL)
+    assert plan(ledger, BALLISTIC, FEW, 2, SMALL)[0] == []
+    jobs, _ = plan(ledger, BALLISTIC, FEW, 3, SMALL)
     assert [(job.variant, job.replication) for job in jobs] == [("hand-coded", 2), ("pca-incremental", 2), ("genotype", 2)]
     assert [job.settings.seed for job in jobs] == [2, 2, 2]
 
 
 def test_the_reference_is_grown_for_others_and_again_where_it_is_missing(tmp_path):
     ledger = Ledger(tmp_path)
-    jobs, known = plan(ledger, [BALLISTIC["genotype"]], 1, SMALL)
+    jobs, known = plan(ledger, BALLISTIC, ["genotype"], 1, SMALL)
     assert [job.variant for job in jobs] == ["hand-coded", "genotype"]
     assert set(known) == {"hand-coded", "genotype"}
     ledger.add(known["hand-coded"], result("hand-coded"), [])  # its numbers came from elsewhere, without the repertoire
-    assert [job.variant for job in plan(ledger, [BALLISTIC["genotype"]], 1, SMALL)[0]] == ["hand-coded", "genotype"]
+    assert [job.variant for job in plan(ledger, BALLISTIC, ["genotype"], 1, SMALL)[0]] == ["hand-coded", "genotype"]
     ledger.add(known["genotype"], result("genotype"), [])
-    assert plan(ledger, [BALLISTIC["genotype"]], 1, SMALL)[0] == []
+    assert plan(ledger, BALLISTIC, ["genotype"], 1, SMALL)[0] == []
 
 
 def test_results_of_other_settings_are_not_mixed(experiment):
     with pytest.raises(ValueError, match=r"holds results of .* with other settings, generations 4 and not 5: choose another"):
-        plan(Ledger(experiment), FEW, 2, replace(SMALL, generations=5))
-    changed = replace(BALLISTIC["genotype"], settings={"descriptor": "genotype", "selection": settings.selection.Uniform()})
+        plan(Ledger(experiment), BALLISTIC, FEW, 2, replace(SMALL, generations=5))
+    changed = replace(
+        BALLISTIC.variants["genotype"], settings={"descriptor": "genotype", "selection": settings.selection.Uniform()}
+    )
     with pytest.raises(ValueError, match=r"holds results of genotype with other settings, selection"):
-        plan(Ledger(experiment), [changed], 2, SMALL)
+        plan(
+            Ledger(experiment), replace(BALLISTIC, variants={**BALLISTIC.variants, "genotype": changed}), ["genotype"], 2, SMALL
+        )
 
 
 def test_defaults_of_an_estimator_are_settings_too(tmp_path, monkeypatch):
     ledger = Ledger(tmp_path)
-    made = BALLISTIC["ae-incremental"].of(SMALL, 0)
+    made = BALLISTIC.variants["ae-incremental"].of(SMALL, 0)
     ledger.add(made, result("ae-incremental"), [])
     Ledger(tmp_path).check({"ae-incremental": made})
     monkeypatch.setattr(settings.Settings, "parameters", lambda self: {"patience": 3})
@@ -192,32 +260,32 @@ def test_results_without_their_settings(experiment, tmp_path):
 
 def test_a_damaged_reference_is_grown_again(tmp_path):
     ledger = Ledger(tmp_path)
-    run_all(ledger, [BALLISTIC["hand-coded"]], 1)
+    run_all(ledger, ["hand-coded"], 1)
     file = ledger.run_folder("hand-coded", 0) / "repertoire.safetensors"
     file.write_bytes(file.read_bytes()[:1000])
     write_report(ledger, BALLISTIC)
-    run_all(ledger, [BALLISTIC["genotype"]], 1)
+    run_all(ledger, ["genotype"], 1)
     assert {r.variant for r in Ledger(tmp_path).results} == {"hand-coded", "genotype"}
 
 
 def test_a_ledger_comes_back(tmp_path):
     ledger = Ledger(tmp_path)
-    made = BALLISTIC["genotype"].of(SMALL, 0)
+    made = BALLISTIC.variants["genotype"].of(SMALL, 0)
     row = result("genotype", 3, klc=0.25, rmse=float("nan"))
-    ledger.add(made, row, [Point("genotype", 3, 1, 10, 0.5, float("nan"), 0.1)])
+    ledger.add(made, row, [Point("genotype", 3, 1, 10, float("nan"), 0.1, {"klc": 0.5})])
     ledger.add(made, result("genotype", 0), [])
     again = Ledger(tmp_path)
     assert [r.replication for r in again.results] == [0, 3]
     assert repr(again.results[1]) == repr(row)
-    assert repr(again.points) == repr([Point("genotype", 3, 1, 10, 0.5, float("nan"), 0.1)])
-    again.add(made, row._replace(klc=0.125), [])
-    assert [r.klc for r in Ledger(tmp_path).results] == [1.0, 0.125]
+    assert repr(again.points) == repr([Point("genotype", 3, 1, 10, float("nan"), 0.1, {"klc": 0.5})])
+    again.add(made, row._replace(measures={"klc": 0.125}), [])
+    assert [r.measures["klc"] for r in Ledger(tmp_path).results] == [1.0, 0.125]
     assert Ledger(tmp_path).points == []
 
 
 def test_two_at_work_in_one_folder(tmp_path):
     one, other = Ledger(tmp_path), Ledger(tmp_path)
-    made = BALLISTIC["genotype"].of(SMALL, 0)
+    made = BALLISTIC.variants["genotype"].of(SMALL, 0)
     one.add(made, result("genotype", 0), [])
     other.add(made, result("genotype", 1), [])
     assert [r.replication for r in Ledger(tmp_path).results] == [0, 1]
@@ -227,7 +295,7 @@ def test_two_at_work_in_one_folder(tmp_path):
 
 def test_a_failing_run_is_given_up_and_the_others_go_on(tmp_path):
     ledger = Ledger(tmp_path)
-    jobs, known = plan(ledger, FEW, 2, SMALL)
+    jobs, known = plan(ledger, BALLISTIC, FEW, 2, SMALL)
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "genotype-0").write_text("in the way")
     listener = Quiet()
@@ -239,7 +307,7 @@ def test_a_failing_run_is_given_up_and_the_others_go_on(tmp_path):
 
 def test_without_its_reference_a_run_is_given_up_too(tmp_path):
     ledger = Ledger(tmp_path)
-    jobs, known = plan(ledger, FEW, 1, SMALL)
+    jobs, known = plan(ledger, BALLISTIC, FEW, 1, SMALL)
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "hand-coded-0").write_text("in the way")
     listener = Quiet()
@@ -291,7 +359,7 @@ class Sniper(Quiet):
 
 def test_who_ran_beside_it_is_innocent(tmp_path):
     listener = Sniper()
-    run_all(Ledger(tmp_path), [BALLISTIC["hand-coded"]], 3, replace(SMALL, generations=600), 2, listener)
+    run_all(Ledger(tmp_path), ["hand-coded"], 3, replace(SMALL, generations=600), 2, listener)
     assert listener.given_up == [("hand-coded", 0, "its process died, twice")]
     assert [r.replication for r in Ledger(tmp_path).results] == [1, 2]
 
@@ -329,26 +397,39 @@ def test_rank_sums():
     assert rank_sums(exact, "klc")["genotype", "cvt"] == pytest.approx(0.1)  # 2 of 20 orders
 
 
+def check_pictures(files):
+    for path in files:
+        if path.suffix == ".png":
+            pixels = image.imread(path)[..., :3]
+            assert (pixels < 0.9).any(axis=2).mean() > 0.01
+            assert len(np.unique((pixels * 8).astype(int).reshape(-1, 3), axis=0)) > 5
+
+
 def test_report(experiment):
     files = write_report(Ledger(experiment), BALLISTIC)
     assert {f.name for f in files} == {
         *("summary.csv", "summary.md"),
         *(f"{name}.{suffix}" for name in ("curves", "repertoires") for suffix in ("png", "svg")),
     }
-    for path in files:
-        if path.suffix == ".png":
-            pixels = image.imread(path)[..., :3]
-            assert (pixels < 0.9).any(axis=2).mean() > 0.01
-            assert len(np.unique((pixels * 8).astype(int).reshape(-1, 3), axis=0)) > 5
+    check_pictures(files)
     header, *lines = (experiment / "summary.csv").read_text().splitlines()
     table = {line.split(",")[0]: dict(zip(header.split(","), line.split(","), strict=True)) for line in lines}
     assert list(table) == ["hand-coded", "genotype", "pca-incremental"]
     assert table["genotype"]["klc_paper"] == "0.686"
-    klcs = [r.klc for r in Ledger(experiment).results if r.variant == "genotype"]
+    klcs = [r.measures["klc"] for r in Ledger(experiment).results if r.variant == "genotype"]
     assert float(table["genotype"]["klc_median"]) == pytest.approx(np.median(klcs), rel=1e-4)
     text = (experiment / "summary.md").read_text()
     assert "| AURORA-PCA incremental | 2 | 0.051 |" in text
     assert "Rank-sum tests on the KLC" in text
+
+
+def test_report_of_air_hockey(air_hockey):
+    files = write_report(Ledger(air_hockey), AIR_HOCKEY)
+    check_pictures(files)
+    text = (air_hockey / "summary.md").read_text()
+    assert "paper" not in text  # which gives no numbers
+    for title in ("diversity", "diversity, 20 x 20"):
+        assert f"Rank-sum tests on the {title}, two-sided" in text
 
 
 def test_report_without_repertoires(experiment, tmp_path):
@@ -361,7 +442,7 @@ def test_report_without_repertoires(experiment, tmp_path):
 
 def test_quickened_variants_build(tmp_path, monkeypatch):
     monkeypatch.setenv("AURORAQD_CACHE", str(tmp_path))
-    for variant in variants.quickened(BALLISTIC).values():
+    for variant in BALLISTIC.quickened().variants.values():
         _, aurora = variant.of(SMALL, 0).build()
         assert aurora.generation == 0
 
@@ -426,7 +507,7 @@ def _alive(pid):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--variants", "pca,magic"], "variants must be of hand-coded, genotype,"),
+        (["--variants", "pca,magic"], "variants of ballistic must be of hand-coded, genotype,"),
         (["--replications", "0"], "replications must be 1 or more, got 0"),
         (["--jobs", "0"], "jobs must be 1 or more, got 0"),
         (["--generations", "-1"], "generations must be 1 or more, got -1"),

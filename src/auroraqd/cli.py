@@ -174,8 +174,8 @@ def reproduce(
     variants: Annotated[
         str,
         typer.Option(
-            help="Which, separated by commas: hand-coded, pca-incremental, ae-incremental, cvt, ae-isometric; of ballistic also "
-            "genotype, pca-pretrained, ae-pretrained, cvt-prior, ae-pretrained-split."
+            help="Which, separated by commas: hand-coded, pca-incremental, ae-incremental, cvt, ae-isometric; of ballistic "
+            "also genotype, pca-pretrained, ae-pretrained, cvt-prior, ae-pretrained-split."
         ),
     ] = "all",
     jobs: Annotated[int | None, typer.Option(help="Runs at once. [default: one a core]")] = None,

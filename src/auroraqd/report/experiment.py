@@ -23,7 +23,7 @@ from auroraqd.report.figures import STYLE, save_figure, scatter, two_dimensional
 
 SUMMARY_CSV, SUMMARY_MD = "summary.csv", "summary.md"
 _TITLES = {"size": "stored", "rmse": "RMSE", "rmse_metres": "RMSE, m", "seconds": "seconds"}
-_FORMS = {"size": "{:,.0f}", "rmse": "{:.4f}", "rmse_metres": "{:.3g}", "seconds": "{:.0f}"}
+_FORMS = {"size": "{:,.0f}", "rmse": "{:.4f}", "rmse_metres": "{:#.3g}", "seconds": "{:.0f}"}
 
 
 def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
@@ -43,7 +43,7 @@ def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
 
 
 def summary_csv(ledger: Ledger, experiment: Experiment) -> str:
-    """A line a variant: replications, then median and quartiles of each column, and what the paper reports of the first measure."""
+    """A line a variant: replications, median and quartiles of each column, what the paper reports of the first measure."""
     measures = columns(experiment)
     paper = [f"{experiment.measures[0].name}_paper"] if _in_paper(experiment) else []
     titles = [f"{measure}_{part}" for measure in measures for part in Quartiles._fields]
