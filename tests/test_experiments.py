@@ -425,10 +425,11 @@ def test_report(experiment):
 
 def test_report_of_air_hockey(air_hockey):
     files = write_report(Ledger(air_hockey), AIR_HOCKEY)
+    assert {f.stem for f in files} == {"summary", "curves", "repertoires", "diversity"}
     check_pictures(files)
     text = (air_hockey / "summary.md").read_text()
     assert "paper" not in text  # which gives no numbers
-    for title in ("diversity", "diversity, 20 x 20"):
+    for title in ("diversity, 10 x 10", "diversity, 20 x 20"):
         assert f"Rank-sum tests on the {title}, two-sided" in text
 
 

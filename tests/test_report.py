@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import auroraqd
-from auroraqd.report import figures, history_figure, repertoire_figure
+from auroraqd.report import history_figure, repertoire_figure, write_figures
+from auroraqd.report.style import two_dimensional_colors
 
 
 def repertoire(task, descriptor, tmp_path, **options):
@@ -38,15 +39,15 @@ def test_every_repertoire_has_a_figure(task, descriptor, titles, tmp_path):
     figure = repertoire_figure(found)
     assert [axes.get_title() for axes in figure.axes] == titles
     assert history_figure(records).axes
-    assert len(figures.write_figures(tmp_path)) == 4
+    assert len(write_figures(tmp_path)) == 4
 
 
 def test_colors_correspond_to_places():
     places = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 8.0], [2.0, 8.0], [1.0, 4.0]])
-    colors = figures.two_dimensional_colors(places)
+    colors = two_dimensional_colors(places)
     assert len(np.unique(colors, axis=0)) == 5
     np.testing.assert_allclose(colors[4], colors[:4].mean(axis=0))
-    assert figures.two_dimensional_colors(np.ones((3, 2))).shape == (3, 3)
+    assert two_dimensional_colors(np.ones((3, 2))).shape == (3, 3)
 
 
 def test_one_individual(tmp_path):
@@ -54,4 +55,4 @@ def test_one_individual(tmp_path):
         lambda g: (np.zeros(len(g)), np.ones((len(g), 4, 2))), "genotype", tmp_path, resolution=auroraqd.Fixed(10.0)
     )
     assert len(found) == 1
-    assert len(figures.write_figures(tmp_path)) == 4
+    assert len(write_figures(tmp_path)) == 4

@@ -167,6 +167,40 @@ def show(
 
 
 @app.command()
+def animate(
+    folder: Annotated[Path, typer.Argument(help="Run folder.")],
+    skill: Annotated[int | None, typer.Option(help="Row of the repertoire. [default: twelve diverse ones]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="A .gif or an .mp4 to write. [default: FOLDER/figures/skill-SKILL.gif]")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file given by --out if it exists.")] = False,
+) -> None:
+    """Show a skill as an animation: the way of the puck or projectile, and the arm that moves it.
+
+    The rows of diverse skills are in FOLDER/figures/skills.png. Example: auroraqd animate runs/first --skill 17
+    """
+    from auroraqd import storage
+
+    if out is not None and out.exists() and not overwrite:
+        raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
+    repertoire, config = storage.load(folder), storage.load_config(folder)
+    from auroraqd.report.scenes import scene_of
+    from auroraqd.report.skills import animate, diverse
+
+    scene = scene_of(config.get("task"), repertoire)
+    rows = diverse(repertoire.descriptor, 12) if skill is None else [skill]
+    path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
+    with console.status("drawing") if console.is_terminal else nullcontext() as status:
+
+        def drawn(done: int, frames: int) -> None:
+            if status is not None:
+                status.update(f"drawing, frame {done} of {frames}")
+
+        animate(repertoire, scene, rows, path, drawn)
+    console.print(str(path), highlight=False, soft_wrap=True)
+
+
+@app.command()
 def reproduce(
     task: Annotated[str, typer.Argument(help="Whose experiment: ballistic or air-hockey.")],
     replications: Annotated[int, typer.Option(help="Runs of each variant.")] = 20,

@@ -75,6 +75,16 @@ def diversity(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, hi
     Raises:
         ValueError: wrong shape, a NaN or an infinity, or no room.
     """
+    square = squares(trajectories, bins, low=low, high=high)
+    pairs = np.unique(square[:, -1:] * bins**2 + square)  # where they end, and what they pass
+    return len(pairs) / bins**2
+
+
+def squares(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high: float = 1.0) -> np.ndarray:
+    """The squares that trajectories are in, (n, steps, 2) to (n, steps): bins * (place along x) + place along y.
+
+    For the parameters, and what is raised, see `diversity`.
+    """
     bins = whole("bins", bins)
     trajectories = np.asarray(trajectories, np.float64)
     if trajectories.ndim != 3 or trajectories.shape[2] != 2 or trajectories.shape[1] == 0:
@@ -84,9 +94,7 @@ def diversity(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, hi
     if not low < high:
         raise ValueError(f"low must be below high, got {low} and {high}")
     place = np.clip(np.floor((trajectories - low) / (high - low) * bins), 0, bins - 1).astype(np.int64)
-    square = place[:, :, 0] * bins + place[:, :, 1]
-    pairs = np.unique(square[:, -1:] * bins**2 + square)  # where they end, and what they pass
-    return len(pairs) / bins**2
+    return place[:, :, 0] * bins + place[:, :, 1]
 
 
 def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
 from auroraqd.scaling import Scaling
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
-FIGURE_FILES = tuple(f"{name}.{suffix}" for name in ("repertoire", "history") for suffix in ("png", "svg"))
+_PICTURES = ("repertoire.*", "history.*", "skills.*", "skill-*.*")  # in figures/, of what is stored
 _FORMAT = "auroraqd repertoire 1"  # the one metadata key: with several, safetensors writes them in any order
 _LEARNED = "learned"
 _TRUSTED = ("auroraqd.autoencoder.AutoEncoder",)  # beyond scikit-learn's
@@ -62,8 +62,8 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     _write(folder / REPERTOIRE, _repertoire_bytes(aurora))
     _write(folder / HISTORY, _history_csv(aurora.history.records).encode())
     _write(folder / CONFIG, (json.dumps(config, indent=2) + "\n").encode())
-    for name in FIGURE_FILES:  # they show what was there before
-        (folder / FIGURES / name).unlink(missing_ok=True)
+    for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
+        path.unlink()  # it shows what was there before
     return folder
 
 

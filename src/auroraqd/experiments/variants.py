@@ -48,6 +48,7 @@ class Experiment:
         reference: the variant whose final repertoire is the reference of the others of the same replication; None: the measures
             need none.
         tested: what variants are compared by in rank-sum tests.
+        truth: what the ground truth of the task is.
     """
 
     task: str
@@ -55,6 +56,7 @@ class Experiment:
     measures: tuple[Measure, ...]
     reference: str | None
     tested: tuple[str, ...]
+    truth: str
 
     def base(self, generations: int = 5000, batch_size: int = 200) -> Settings:
         """What the variants have in common: the paper's budget and variation."""
@@ -120,6 +122,7 @@ BALLISTIC = Experiment(
     ),
     reference="hand-coded",
     tested=("klc",),
+    truth="top of the arc",
 )
 """The paper's eight; then ours, whose auto-encoder keeps distances; then the paper's pre-trained one with the split that it was
 trained without."""
@@ -127,9 +130,10 @@ trained without."""
 AIR_HOCKEY = Experiment(
     task="air-hockey",
     variants=_named(_HAND_CODED, _PCA, _AE, _CVT, _AE_ISOMETRIC),
-    measures=(Diversity("diversity", "diversity", bins=10), Diversity("diversity_20", "diversity, 20 x 20", bins=20)),
+    measures=(Diversity("diversity", "diversity, 10 x 10", bins=10), Diversity("diversity_20", "diversity, 20 x 20", bins=20)),
     reference=None,
     tested=("diversity", "diversity_20", "rmse_metres"),
+    truth="final position",
 )
 """The paper's four, of which the hand-coded descriptor is the final position of the puck; then ours."""
 

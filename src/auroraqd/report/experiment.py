@@ -3,7 +3,6 @@
 Made from the files of a `Ledger` only.
 """
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,11 +14,14 @@ from matplotlib.figure import Figure
 from auroraqd import storage
 from auroraqd._files import replacing
 from auroraqd.experiments.ledger import Ledger
+from auroraqd.experiments.measures import Diversity
 from auroraqd.experiments.replication import Point
 from auroraqd.experiments.statistics import Quartiles, columns, rank_sums, summaries
 from auroraqd.experiments.variants import Experiment, Variant
 from auroraqd.repertoire import Repertoire
-from auroraqd.report.figures import STYLE, save_figure, scatter, two_dimensional_colors
+from auroraqd.report.diversity import diversity_figure
+from auroraqd.report.panels import panel_figure
+from auroraqd.report.style import STYLE, save_figure
 
 SUMMARY_CSV, SUMMARY_MD = "summary.csv", "summary.md"
 _TITLES = {"size": "stored", "rmse": "RMSE", "rmse_metres": "RMSE, m", "seconds": "seconds"}
@@ -38,7 +40,10 @@ def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
     written += save_figure(curves_figure(ledger.points, experiment), figures, "curves")
     repertoires = _first_repertoires(ledger, experiment.variants)
     if repertoires:
-        written += save_figure(panel_figure(repertoires), figures, "repertoires")
+        written += save_figure(panel_figure(repertoires, experiment), figures, "repertoires")
+    trajectories = next((r.observation for r in repertoires.values()), None)
+    if trajectories is not None and any(isinstance(measure, Diversity) for measure in experiment.measures):
+        written += save_figure(diversity_figure(trajectories), figures, "diversity")
     return written
 
 
@@ -150,48 +155,6 @@ def _curve(points: Sequence[Point], measure: str, *, positive: bool) -> tuple[np
     generations = sorted(by_generation)
     quartiles = [Quartiles.of(np.array(by_generation[g])) for g in generations]
     return np.array(generations), np.array(quartiles).reshape(-1, 3)
-
-
-def panel_figure(repertoires: Mapping[str, Repertoire]) -> Figure:
-    """For each variant, its descriptor space above and ground-truth space below.
-
-    An individual has the colour of its place in ground-truth space; descriptors of more than two dimensions are not shown.
-
-    Args:
-        repertoires: by title, each with a ground truth of two columns.
-    """
-    truths = [repertoire.ground_truth for repertoire in repertoires.values()]
-    everywhere = np.concatenate([truth for truth in truths if truth is not None])
-    low, high = everywhere.min(axis=0), everywhere.max(axis=0)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(1.9 * len(repertoires), 4.4), layout="constrained")
-        panels = figure.subplots(2, len(repertoires), squeeze=False)
-        for (title, repertoire), (above, below) in zip(repertoires.items(), panels.T, strict=True):
-            truth = repertoire.ground_truth
-            assert truth is not None
-            colors = two_dimensional_colors(truth, everywhere)
-            if repertoire.descriptor.shape[1] == 2:
-                scatter(above, repertoire.descriptor, colors)
-            else:
-                above.text(0.5, 0.5, f"{repertoire.descriptor.shape[1]} dimensions", ha="center", va="center")
-            scatter(below, truth, colors)
-            below.set(xlim=_margin(low[0], high[0]), ylim=_margin(low[1], high[1]))
-            above.set_title(_short_lines(title), fontsize=8)
-            below.set_xlabel(f"{len(repertoire):,} individuals")
-            for axes in (above, below):
-                axes.set_xticks([])
-                axes.set_yticks([])
-        panels[0, 0].set_ylabel("descriptor space")
-        panels[1, 0].set_ylabel("ground truth")
-    return figure
-
-
-def _margin(low: float, high: float) -> tuple[float, float]:
-    return low - 0.03 * (high - low), high + 0.03 * (high - low)
-
-
-def _short_lines(title: str) -> str:
-    return "\n".join(textwrap.wrap(title, 16))
 
 
 def _first_repertoires(ledger: Ledger, variants: Mapping[str, Variant]) -> dict[str, Repertoire]:

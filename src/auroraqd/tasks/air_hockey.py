@@ -98,6 +98,15 @@ def movement(genotypes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return start, targets[:, JOINTS:] - start
 
 
+def joints(genotypes: np.ndarray, steps: int = STEPS) -> np.ndarray:
+    """The base, the joints and the tip of the arm at each sample of the puck, (n, 8) to (n, steps, 5, 2), in metres."""
+    start, change = movement(genotypes)
+    share = 1 - np.exp(-RATE * PHASE * np.arange(1, steps + 1) / steps)
+    angles = np.cumsum(start[:, None] + share[:, None] * change[:, None], axis=2)
+    links = LINK * np.stack([np.cos(angles), np.sin(angles)], axis=3)
+    return np.concatenate([np.zeros((len(genotypes), steps, 1, 2)), np.cumsum(links, axis=2)], axis=2)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _push(start, change, threshold, observation):
     """Fill paths of the puck, (n, STEPS, 2), for movements of the arm, (n, JOINTS) each."""

@@ -5,29 +5,20 @@ An individual has one colour in all panels, given by its place in ground-truth s
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from auroraqd import storage
-from auroraqd._files import replacing
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
+from auroraqd.report.scenes import has_trajectories, scene_of
+from auroraqd.report.skills import SHEET, diverse, skills_figure
+from auroraqd.report.style import STYLE, save_figure, scatter, trajectories, two_dimensional_colors
 
-_CORNERS = np.array([[[38, 70, 160], [0, 160, 135]], [[200, 40, 120], [245, 180, 30]]]) / 255  # [x, y] of the unit square
 _MOST_TRAJECTORIES = 600
-STYLE: Any = {
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 11,
-    "font.size": 9,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "auroraqd",  # or the same run would give another file each time
-}
 
 
 def write_figures(folder: str | Path) -> list[Path]:
@@ -42,17 +33,10 @@ def write_figures(folder: str | Path) -> list[Path]:
     figures = {"history": history_figure(records)}
     if len(repertoire):
         figures = {"repertoire": repertoire_figure(repertoire), **figures}
+    if has_trajectories(repertoire):
+        scene = scene_of(storage.load_config(folder).get("task"), repertoire)
+        figures["skills"] = skills_figure(repertoire, scene, diverse(repertoire.descriptor, SHEET))
     return [path for name, figure in figures.items() for path in save_figure(figure, target, name)]
-
-
-def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write a figure as PNG and as SVG; returns the files."""
-    written = []
-    for suffix in ("png", "svg"):
-        written.append(folder / f"{name}.{suffix}")
-        with replacing(written[-1]) as file, mpl.rc_context(STYLE):
-            figure.savefig(file, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
-    return written
 
 
 def repertoire_figure(repertoire: Repertoire) -> Figure:
@@ -64,7 +48,7 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
         colors, key = two_dimensional_colors(truth[:, :2]), "ground truth"
     else:
         colors, key = two_dimensional_colors(_plane(repertoire)), "descriptor space"
-    if repertoire.observation.ndim == 3 and repertoire.observation.shape[2] == 2:
+    if has_trajectories(repertoire):
         panels.append(("Trajectories", _draw_trajectories))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4 * len(panels), 4.4), layout="constrained")
@@ -101,16 +85,6 @@ def history_figure(records: Sequence[Record]) -> Figure:
     return figure
 
 
-def two_dimensional_colors(places: np.ndarray, box: np.ndarray | None = None) -> np.ndarray:
-    """A colour for each place, (n, 2) to (n, 3): four corners, blended, over the box of the places or of others, (m, 2)."""
-    box = places if box is None else box
-    low, extent = box.min(axis=0), np.ptp(box, axis=0)
-    x, y = ((places - low) / np.where(extent > 0, extent, 1)).T[..., None]
-    bottom = (1 - x) * _CORNERS[0, 0] + x * _CORNERS[1, 0]
-    top = (1 - x) * _CORNERS[0, 1] + x * _CORNERS[1, 1]
-    return np.clip((1 - y) * bottom + y * top, 0, 1)
-
-
 def _plane(repertoire: Repertoire) -> np.ndarray:
     """Two coordinates for each individual: the two of its descriptor that vary most, or the only one and the fitness."""
     descriptor = repertoire.descriptor
@@ -139,19 +113,10 @@ def _draw_truth(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
     axes.set(xlabel="ground truth 1", ylabel="ground truth 2")
 
 
-def scatter(axes: Axes, places: np.ndarray, colors: np.ndarray) -> None:
-    """Places, (n, 2), as points that are the smaller the more they are."""
-    size = np.clip(20_000 / len(places), 1.5, 30)
-    axes.scatter(*places.T, s=size, c=colors, linewidths=0, rasterized=True)
-
-
 def _draw_trajectories(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
     n = len(repertoire)
     shown = np.random.default_rng(0).permutation(n)[:_MOST_TRAJECTORIES]
-    axes.add_collection(
-        LineCollection(list(repertoire.observation[shown]), colors=colors[shown], linewidths=0.5, alpha=0.6, rasterized=True)
-    )
-    axes.autoscale()
+    trajectories(axes, repertoire.observation[shown], colors[shown])
     width, height = np.ptp(repertoire.observation[shown].reshape(-1, 2), axis=0)
     if 1 / 3 < width / max(height, 1e-300) < 3:  # a wide or a tall picture would be unreadable
         axes.set_aspect("equal")

@@ -1,0 +1,56 @@
+"""Where trajectories in the plane happen: what else there is to see than the body that moves, for each task."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from auroraqd.repertoire import Repertoire
+from auroraqd.tasks import air_hockey
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A place where a body moves.
+
+    Args:
+        low, high: (2,) its corners, in the units of the trajectories.
+        walls: whether it ends there.
+        radius: of the body, in the same units; 0 for a point.
+        start: (2,) where the body is before the first sample, or None.
+        arm: from genotypes, (n, n_genes), and the number of samples, to the joints of an arm, (n, steps, joints, 2), or None.
+        interval: seconds between two samples, as it is shown.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    walls: bool = False
+    radius: float = 0.0
+    start: np.ndarray | None = None
+    arm: Callable[[np.ndarray, int], np.ndarray] | None = None
+    interval: float = 0.1
+
+
+def scene_of(task: str | None, repertoire: Repertoire) -> Scene:
+    """The scene of a task; of one that is not known, the box of its trajectories.
+
+    Raises:
+        ValueError: the observations are not trajectories in the plane.
+    """
+    observation = repertoire.observation
+    if not has_trajectories(repertoire):
+        raise ValueError(
+            f"skills must be trajectories in the plane, observations of shape (steps, 2), got {observation.shape[1:]}"
+        )
+    if task == "air-hockey":
+        wall = np.full(2, air_hockey.WALL)
+        return Scene(-wall, wall, walls=True, radius=air_hockey.PUCK, start=np.array(air_hockey.START), arm=air_hockey.joints)
+    low, high = observation.min(axis=(0, 1)), observation.max(axis=(0, 1))
+    margin = 0.03 * np.maximum(high - low, 1e-9)
+    return Scene(low - margin, high + margin)
+
+
+def has_trajectories(repertoire: Repertoire) -> bool:
+    """Whether there are individuals, and their observations are points in the plane at several instants."""
+    shape = repertoire.observation.shape
+    return len(shape) == 3 and shape[0] > 0 and shape[1] > 1 and shape[2] == 2

@@ -1,0 +1,177 @@
+"""Skills to look at: a contact sheet of diverse ones, and animations.
+
+A skill is an individual whose observation is a trajectory in the plane; it is named by its row in the repertoire. Every frame
+of an animation is a sample of its trajectory, nothing is interpolated.
+"""
+
+import math
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from auroraqd.repertoire import Repertoire
+from auroraqd.report.scenes import Scene
+from auroraqd.report.style import STYLE
+
+SHEET = 24
+"""Skills on a contact sheet."""
+
+_PANEL, _ALONE = 1.7, 4.0  # inches, of one skill of several, and of one alone
+_LAST = 1.0  # s, that the last frame stays
+_EARLY, _LATE, _ARM = "#c9d3e8", "#c8287a", "#444444"
+
+
+def diverse(descriptor: np.ndarray, n: int) -> np.ndarray:
+    """Rows of n descriptors that are far from each other; of fewer, if the rest are copies.
+
+    The first is the one farthest from the mean, the next always the one farthest from all before.
+
+    Args:
+        descriptor: (m, d).
+        n: how many.
+    """
+    chosen: list[int] = []
+    distance = _squared(descriptor, descriptor.mean(axis=0))
+    while len(chosen) < min(n, len(descriptor)) and not (chosen and distance.max() == 0):
+        row = int(distance.argmax())
+        from_it = _squared(descriptor, descriptor[row])
+        distance = np.minimum(distance, from_it) if chosen else from_it
+        chosen.append(row)
+    return np.array(chosen, np.int64)
+
+
+def _squared(places: np.ndarray, place: np.ndarray) -> np.ndarray:
+    return ((places - place) ** 2).sum(axis=1)
+
+
+def skills_figure(repertoire: Repertoire, scene: Scene, rows: Sequence[int] | np.ndarray) -> Figure:
+    """A contact sheet: of each skill, in the order given, the whole trajectory, darker over time, and where all ends."""
+    with mpl.rc_context(STYLE):
+        figure, panels = _grid(repertoire, scene, rows)
+        for panel in panels:
+            panel.show(panel.steps - 1)
+    return figure
+
+
+def animate(
+    repertoire: Repertoire,
+    scene: Scene,
+    rows: Sequence[int] | np.ndarray,
+    path: Path,
+    listener: Callable[[int, int], object] = lambda done, frames: None,
+) -> None:
+    """Write an animation of skills, beside each other.
+
+    Args:
+        repertoire: with trajectories in the plane.
+        scene: where they happen.
+        rows: which skills.
+        path: ends in .gif or .mp4. A file that is there is replaced when the new one is complete.
+        listener: told how many frames of how many are drawn.
+
+    Raises:
+        ValueError: there is no such skill, the file has another ending, or there is no ffmpeg for .mp4.
+        OSError: it cannot be written.
+    """
+    if len(rows) == 0 or not all(0 <= row < len(repertoire) for row in rows):
+        wrong = next((row for row in rows if not 0 <= row < len(repertoire)), "none")
+        raise ValueError(f"skill must be a row of the repertoire, 0 to {len(repertoire) - 1}, got {wrong}")
+    writer = _writer(path, round(1 / scene.interval))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".tmp.{path.name}")
+    with mpl.rc_context(STYLE):
+        figure, panels = _grid(repertoire, scene, rows)
+        frames = [*range(panels[0].steps), *[panels[0].steps - 1] * round(_LAST / scene.interval)]
+        try:
+            with writer.saving(figure, str(temporary), dpi=100):
+                for done, step in enumerate(frames):
+                    listener(done, len(frames))
+                    for panel in panels:
+                        panel.show(step)
+                    writer.grab_frame()
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def _writer(path: Path, rate: int) -> PillowWriter | FFMpegWriter:
+    if path.suffix.lower() == ".gif":
+        return PillowWriter(fps=rate)
+    if path.suffix.lower() == ".mp4":
+        mpl.rcParams["animation.ffmpeg_path"] = _ffmpeg()
+        return FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # which every player knows
+    raise ValueError(f"the animation must be a .gif or an .mp4, got {path.name!r}")
+
+
+def _ffmpeg() -> str:
+    found = shutil.which("ffmpeg")
+    if found is None:
+        try:
+            from imageio_ffmpeg import get_ffmpeg_exe  # pyright: ignore[reportMissingImports] - an extra
+
+            found = get_ffmpeg_exe()
+        except (ImportError, RuntimeError):
+            raise ValueError(
+                "an .mp4 needs ffmpeg: install it, or the extra auroraqd[video], or write a .gif, which needs neither"
+            ) from None
+    return found
+
+
+def _grid(repertoire: Repertoire, scene: Scene, rows: Sequence[int] | np.ndarray) -> tuple[Figure, list["_Panel"]]:
+    """A panel for each skill, about twice as wide as high."""
+    columns = round(math.sqrt(1.5 * len(rows)))
+    lines = math.ceil(len(rows) / columns)
+    size = _ALONE if len(rows) == 1 else _PANEL
+    figure = Figure(figsize=(size * columns, (size + 0.2) * lines), layout="constrained")
+    panels = figure.subplots(lines, columns, squeeze=False).ravel()
+    for axes in panels[len(rows) :]:
+        axes.set_visible(False)
+    return figure, [_Panel(axes, repertoire, scene, int(row)) for axes, row in zip(panels, rows, strict=False)]
+
+
+class _Panel:
+    """One skill, at any of its steps."""
+
+    def __init__(self, axes: Axes, repertoire: Repertoire, scene: Scene, row: int):
+        path = np.asarray(repertoire.observation[row], np.float64)
+        self.steps = len(path)
+        self._path = path if scene.start is None else np.vstack([scene.start, path])
+        joints = None if scene.arm is None else scene.arm(repertoire.genotype[row : row + 1], self.steps)[0]
+        axes.set(xticks=[], yticks=[], xlim=(scene.low[0], scene.high[0]), ylim=(scene.low[1], scene.high[1]))
+        axes.set_title(f"skill {row}", fontsize=8, pad=2)
+        for spine in axes.spines.values():
+            spine.set_visible(scene.walls)
+            spine.set_linewidth(1.5)
+        width, height = scene.high - scene.low
+        if 1 / 3 < width / height < 3:
+            axes.set_aspect("equal")
+        self._trail = LineCollection([], linewidths=1.6, capstyle="round")
+        axes.add_collection(self._trail)
+        self._colors = LinearSegmentedColormap.from_list("time", [_EARLY, _LATE])(np.linspace(0, 1, len(self._path) - 1))
+        (self._dot,) = axes.plot([], [], "o", markersize=3, color=_LATE)
+        self._puck = Circle(self._path[0], scene.radius, color=_LATE, alpha=0.35, visible=scene.radius > 0)
+        axes.add_patch(self._puck)
+        self._joints = joints
+        if joints is not None:
+            axes.plot(*joints[0].T, color=_ARM, alpha=0.25, linewidth=1.5)  # where the arm begins
+            (self._arm,) = axes.plot([], [], color=_ARM, marker="o", markersize=2, linewidth=1.5)
+
+    def show(self, step: int) -> None:
+        """What there is to see at a sample, and the way until then."""
+        now = step + len(self._path) - self.steps
+        way = self._path[: now + 1]
+        self._trail.set_segments(list(np.stack([way[:-1], way[1:]], axis=1)))
+        self._trail.set_color(list(self._colors[: len(way) - 1]))
+        self._dot.set_data(*way[-1:].T)
+        self._puck.set_center(way[-1])
+        if self._joints is not None:
+            self._arm.set_data(*self._joints[step].T)

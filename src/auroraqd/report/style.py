@@ -1,0 +1,55 @@
+"""What all figures have in common: their look, their colours, how they are written."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from auroraqd._files import replacing
+
+_CORNERS = np.array([[[38, 70, 160], [0, 160, 135]], [[200, 40, 120], [245, 180, 30]]]) / 255  # [x, y] of the unit square
+STYLE: Any = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 11,
+    "font.size": 9,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "auroraqd",  # or the same run would give another file each time
+}
+
+
+def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
+    """Write a figure as PNG and as SVG; returns the files."""
+    written = []
+    for suffix in ("png", "svg"):
+        written.append(folder / f"{name}.{suffix}")
+        with replacing(written[-1]) as file, mpl.rc_context(STYLE):
+            figure.savefig(file, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
+    return written
+
+
+def two_dimensional_colors(places: np.ndarray, box: np.ndarray | None = None) -> np.ndarray:
+    """A colour for each place, (n, 2) to (n, 3): four corners, blended, over the box of the places or of others, (m, 2)."""
+    box = places if box is None else box
+    low, extent = box.min(axis=0), np.ptp(box, axis=0)
+    x, y = ((places - low) / np.where(extent > 0, extent, 1)).T[..., None]
+    bottom = (1 - x) * _CORNERS[0, 0] + x * _CORNERS[1, 0]
+    top = (1 - x) * _CORNERS[0, 1] + x * _CORNERS[1, 1]
+    return np.clip((1 - y) * bottom + y * top, 0, 1)
+
+
+def scatter(axes: Axes, places: np.ndarray, colors: np.ndarray) -> None:
+    """Places, (n, 2), as points that are the smaller the more they are."""
+    size = np.clip(20_000 / len(places), 1.5, 30)
+    axes.scatter(*places.T, s=size, c=colors, linewidths=0, rasterized=True)
+
+
+def trajectories(axes: Axes, paths: np.ndarray, colors: np.ndarray) -> None:
+    """Trajectories, (n, steps, 2), as thin lines."""
+    lines = LineCollection(list(paths), colors=list(colors), linewidths=0.5, alpha=0.6, rasterized=True)
+    axes.add_collection(lines)
+    axes.autoscale()
