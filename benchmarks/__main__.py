@@ -2,11 +2,13 @@
 
 import argparse
 
+import hockey
 import learned
 import peers
 import speed
 
 argparse.ArgumentParser(description=__doc__).parse_args()
 speed.main()
+hockey.main()
 learned.main()
 peers.main()

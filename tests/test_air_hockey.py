@@ -1,9 +1,10 @@
 import math
 
+import box2d
 import naive
 import numpy as np
-import pyb2d3
 import pytest
+from box2d import START, moved
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -13,19 +14,11 @@ import auroraqd
 from auroraqd.tasks import air_hockey
 
 LIMIT = 0.94  # of the middle of the puck: its edge at 0.99
-START = np.array([0.55, 0.5])
-
-
-def moved(observation):
-    return np.abs(observation - START).max(axis=(1, 2)) > 1e-3
 
 
 @pytest.fixture(scope="module")
 def pushing():
-    """300 genotypes of which 240 move the puck."""
-    genotypes = np.random.default_rng(0).random((3000, 8))
-    moves = moved(auroraqd.tasks.AirHockey()(genotypes).observation)
-    return np.concatenate([genotypes[moves][:240], genotypes[~moves][:60]])
+    return box2d.pushing(240, 60)
 
 
 def test_shapes_and_ground_truth():
@@ -50,60 +43,14 @@ def test_nothing_leaves_the_room(threshold):
     assert np.abs(observation).max() <= LIMIT + 1e-12
 
 
-def engine(start, change, threshold, step=0.01):
-    """The same movement of the arm, kinematic, in Box2D 3: path of the puck every 0.1 s."""
-    world = pyb2d3.World(gravity=(0, 0), restitution_threshold=threshold)
-
-    def add(body, shape, restitution=0.0):
-        definition = pyb2d3.shape_def(density=0.2)
-        definition.material.friction = 0.8
-        definition.material.restitution = restitution
-        body.create_shape(definition, shape)
-        return body
-
-    room = world.create_static_body(position=(0, 0))
-    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        add(room, pyb2d3.box(0.01 if x else 1, 0.01 if y else 1, center=(x, y)))
-    half = air_hockey.LINK / 2
-    box = pyb2d3.box(half, air_hockey.HALF_WIDTH, center=(half, 0))
-    arm = [add(world.create_kinematic_body(position=(0, 0)), box) for _ in range(4)]
-    arm.append(add(world.create_kinematic_body(position=(0, 0)), pyb2d3.circle(radius=air_hockey.TIP)))
-    puck = add(world.create_dynamic_body(position=tuple(START)), pyb2d3.circle(radius=0.05), 0.8)
-
-    def pose(time):
-        angle = np.cumsum(start + change * (1 - math.exp(-0.3 * time)))
-        place = np.cumsum(air_hockey.LINK * np.stack([np.cos(angle), np.sin(angle)], axis=1), axis=0)
-        return np.append(angle, 0.0), np.concatenate([[[0.0, 0.0]], place])
-
-    path = []
-    for k in range(round(5 / step)):
-        (angle, place), (next_angle, next_place) = pose(k * step), pose((k + 1) * step)
-        for i, body in enumerate(arm):
-            body.set_transform(tuple(map(float, place[i])), pyb2d3.make_rot(float(angle[i])))
-            body.linear_velocity = tuple(map(float, (next_place[i] - place[i]) / step))
-            body.angular_velocity = float((next_angle[i] - angle[i]) / step)
-        world.step(step, 4)
-        path.append((puck.position[0], puck.position[1]))
-    return np.array(path)[9::10]
-
-
 @pytest.mark.parametrize("threshold", [0.0, 1.0])
 def test_agrees_with_an_engine(pushing, threshold):
     """Which pucks move; where they are half a second after they were touched, and at the end, when chaos has had its say."""
-    ours = auroraqd.tasks.AirHockey(restitution_threshold=threshold)(pushing).observation
-    theirs = np.array([engine(*movement, threshold) for movement in zip(*air_hockey.movement(pushing), strict=True)])
-    one, other = moved(ours), moved(theirs)
-    both = one & other
-    assert both.sum() >= 0.95 * (one | other).sum()
-    assert both.sum() > 200
-    first = (np.abs(ours[both] - START).max(axis=2) > 1e-3).argmax(axis=1)
-    apart = np.linalg.norm(ours[both] - theirs[both], axis=2)
-    soon = apart[np.arange(len(apart)), np.minimum(first + 5, 49)]
-    print(f"threshold {threshold}: {both.sum()} of {(one | other).sum()} move in both")
-    print(f"apart after 0.5 s: median {np.median(soon):.4f} m, 90% {np.quantile(soon, 0.9):.4f} m")
-    print(f"apart at the end: median {np.median(apart[:, -1]):.4f} m, 90% {np.quantile(apart[:, -1], 0.9):.4f} m")
-    assert np.median(soon) <= 0.02
-    assert np.median(apart[:, -1]) <= 0.1
+    agreement = box2d.compare(pushing, threshold)
+    assert agreement.both >= 0.95 * agreement.either
+    assert agreement.both > 200
+    assert np.median(agreement.soon) <= 0.02
+    assert np.median(agreement.end) <= 0.1
 
 
 def bounced(velocity, spin, normal, body=(0.0, 0.0), threshold=0.0):

@@ -51,7 +51,7 @@ def test_help_imports_nothing_heavy():
 
 def test_run_leaves_what_it_promises(run_folder):
     names = {str(path.relative_to(run_folder)) for path in run_folder.rglob("*") if path.is_file()}
-    figures = {f"figures/{name}.{suffix}" for name in ("repertoire", "history") for suffix in ("png", "svg")}
+    figures = {f"figures/{name}.{suffix}" for name in ("repertoire", "history", "skills") for suffix in ("png", "svg")}
     assert names == {"config.json", "history.csv", "repertoire.safetensors"} | figures
     assert len(auroraqd.load(run_folder)) > 100
     assert storage.load_history(run_folder)[-1].evaluations == 1500
@@ -290,3 +290,29 @@ def test_a_damaged_run_folder(run_folder, tmp_path):
     (tmp_path / "config.json").write_text('{"task": "ballistic"}')
     done = command("repeat", tmp_path, "--out", tmp_path / "again", ok=False)
     assert "cannot be run again" in done.stderr
+
+
+def test_a_task_with_a_parameter(tmp_path):
+    task = "air-hockey:restitution_threshold=1"
+    command("run", task, "-n", 3, "--batch-size", 60, "--no-figures", cwd=tmp_path)
+    folder = tmp_path / "runs" / "air-hockey-pca-0"
+    repertoire = auroraqd.load(folder)
+    evaluated = auroraqd.tasks.AirHockey(restitution_threshold=1.0)(repertoire.genotype)
+    np.testing.assert_array_equal(evaluated.observation, repertoire.observation)
+    assert (auroraqd.tasks.AirHockey()(repertoire.genotype).observation != repertoire.observation).any()
+    command("repeat", folder, "--out", tmp_path / "again", "--no-figures")
+    np.testing.assert_array_equal(auroraqd.load(tmp_path / "again").genotype, repertoire.genotype)
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        ("hockey", "task must be one of ballistic, air-hockey, got 'hockey'"),
+        ("air-hockey:mass=1", "task 'air-hockey' has no option 'mass'; its options are: restitution_threshold"),
+        ("air-hockey:restitution_threshold=-1", "restitution_threshold must be a finite number, 0 or more, got -1"),
+        ("ballistic:wind=1", "task 'ballistic' has no option 'wind'; its options are: none"),
+    ],
+)
+def test_tasks_that_are_not(tmp_path, task, message):
+    assert message in " ".join(command("run", task, cwd=tmp_path, ok=False).stderr.split())
+    assert not (tmp_path / "runs").exists()

@@ -39,7 +39,8 @@ def test_every_repertoire_has_a_figure(task, descriptor, titles, tmp_path):
     figure = repertoire_figure(found)
     assert [axes.get_title() for axes in figure.axes] == titles
     assert history_figure(records).axes
-    assert len(write_figures(tmp_path)) == 4
+    skills = ["skills"] * ("Trajectories" in titles)
+    assert [path.stem for path in write_figures(tmp_path)[::2]] == ["repertoire", "history", *skills]
 
 
 def test_colors_correspond_to_places():
@@ -55,4 +56,4 @@ def test_one_individual(tmp_path):
         lambda g: (np.zeros(len(g)), np.ones((len(g), 4, 2))), "genotype", tmp_path, resolution=auroraqd.Fixed(10.0)
     )
     assert len(found) == 1
-    assert len(write_figures(tmp_path)) == 4
+    assert len(write_figures(tmp_path)) == 6

@@ -90,7 +90,7 @@ def test_diverse_stops_at_copies(descriptor, n, expected):
 
 def test_contact_sheet(repertoire):
     rows = diverse(repertoire.descriptor, skills.SHEET)
-    figure = skills_figure(repertoire, scene_of("air-hockey", repertoire), rows)
+    figure = skills_figure(repertoire, scene_of({"task": "air-hockey"}, repertoire), rows)
     shown = [axes for axes in figure.axes if axes.get_visible()]
     assert [axes.get_title() for axes in shown] == [f"skill {row}" for row in rows]
     trail = shown[3].collections[0].get_segments()
@@ -130,7 +130,7 @@ def test_an_animation_that_fails_leaves_the_one_before(repertoire, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        animate(repertoire, scene_of("air-hockey", repertoire), [0], path, interrupt)
+        animate(repertoire, scene_of({"task": "air-hockey"}, repertoire), [0], path, interrupt)
     assert path.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -139,7 +139,7 @@ def test_mp4_without_ffmpeg_is_said(repertoire, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(ValueError, match=r"an \.mp4 needs ffmpeg"):
-        animate(repertoire, scene_of("air-hockey", repertoire), [0], tmp_path / "a.mp4")
+        animate(repertoire, scene_of({"task": "air-hockey"}, repertoire), [0], tmp_path / "a.mp4")
 
 
 def test_other_trajectories_have_scenes_too(tmp_path):
@@ -150,7 +150,7 @@ def test_other_trajectories_have_scenes_too(tmp_path):
 
     aurora = auroraqd.Aurora(12, PCA(2), seed=0, batch_size=30).run(walk, generations=2)
     found = auroraqd.load(auroraqd.save(aurora, tmp_path / "walk"))
-    scene = scene_of(None, found)
+    scene = scene_of({}, found)
     assert (found.observation > scene.low).all()
     assert (found.observation < scene.high).all()
     assert "skills.png" in command(["show", str(tmp_path / "walk")])

@@ -62,7 +62,9 @@ FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end."
 
 @app.command()
 def run(
-    task: Annotated[str, typer.Argument(help="What the robot does: ballistic or air-hockey.")],
+    task: Annotated[
+        str, typer.Argument(help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1.")
+    ],
     descriptor: Annotated[
         str,
         typer.Option(
@@ -132,7 +134,7 @@ def run(
         competition=competition,
         capacity=capacity,
     )
-    _run(settings, out or Path("runs") / f"{task}-{settings.descriptor_kind}-{seed}", overwrite, figures)
+    _run(settings, out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}", overwrite, figures)
 
 
 @app.command()
@@ -187,7 +189,7 @@ def animate(
     from auroraqd.report.scenes import scene_of
     from auroraqd.report.skills import animate, diverse
 
-    scene = scene_of(config.get("task"), repertoire)
+    scene = scene_of(config, repertoire)
     rows = diverse(repertoire.descriptor, 12) if skill is None else [skill]
     path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
     with console.status("drawing") if console.is_terminal else nullcontext() as status:

@@ -114,7 +114,7 @@ class Settings:
     """Everything that a run depends on.
 
     Args:
-        task: a name of `TASKS`.
+        task: a name of `TASKS`, with its parameters if wanted, written like "air-hockey:restitution_threshold=1".
         descriptor: a name of `DESCRIPTORS`; "autoencoder" with parameters of `AutoEncoder` if wanted, written like
             "autoencoder:network=convolutional,isometry=0,hidden=64x32".
         components: dimensions of a learned descriptor.
@@ -144,8 +144,9 @@ class Settings:
     capacity: int | None = None
 
     def __post_init__(self) -> None:
-        if self.task not in TASKS:
+        if not isinstance(self.task, str):
             raise ValueError(f"task must be one of {', '.join(TASKS)}, got {self.task!r}")
+        _built("task", TASKS, self.task)
         if not isinstance(self.descriptor, str):
             raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
         if not isinstance(self.pretrained, bool):
@@ -158,8 +159,13 @@ class Settings:
         whole("seed", self.seed, least=0)
         if self.pretrained and kind in (HAND_CODED, GENOTYPE):
             raise ValueError(f"pretrained is for descriptors that are learned, not for {kind!r}")
-        if self.pretrained and not hasattr(TASKS[self.task], "prior"):
+        if self.pretrained and not hasattr(TASKS[self.task_kind], "prior"):
             raise ValueError(f"pretrained is for tasks with a prior data set, and {self.task} has none")
+
+    @property
+    def task_kind(self) -> str:
+        """The task without its parameters."""
+        return self.task.partition(":")[0]
 
     @property
     def descriptor_kind(self) -> str:
@@ -172,7 +178,7 @@ class Settings:
         Raises:
             ValueError: a setting is out of range.
         """
-        task = TASKS[self.task]()
+        task = _built("task", TASKS, self.task)
         aurora = Aurora(
             task.n_genes,
             self._transformer(),
@@ -265,7 +271,11 @@ def strategy(name: str, text: str) -> Any:
     Raises:
         ValueError: no such strategy or option, or a value out of range.
     """
-    kinds = STRATEGIES[name]
+    return _built(name, STRATEGIES[name], text)
+
+
+def _built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
+    """A dataclass of several, by its name and options."""
     kind, _, options = text.partition(":")
     if kind not in kinds:
         raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {kind!r}")

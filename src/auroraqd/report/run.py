@@ -34,7 +34,7 @@ def write_figures(folder: str | Path) -> list[Path]:
     if len(repertoire):
         figures = {"repertoire": repertoire_figure(repertoire), **figures}
     if has_trajectories(repertoire):
-        scene = scene_of(storage.load_config(folder).get("task"), repertoire)
+        scene = scene_of(storage.load_config(folder), repertoire)
         figures["skills"] = skills_figure(repertoire, scene, diverse(repertoire.descriptor, SHEET))
     return [path for name, figure in figures.items() for path in save_figure(figure, target, name)]
 

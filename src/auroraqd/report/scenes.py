@@ -1,7 +1,8 @@
 """Where trajectories in the plane happen: what else there is to see than the body that moves, for each task."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,8 +32,12 @@ class Scene:
     interval: float = 0.1
 
 
-def scene_of(task: str | None, repertoire: Repertoire) -> Scene:
-    """The scene of a task; of one that is not known, the box of its trajectories.
+def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
+    """The scene of the task of a run; of one that is not known, the box of its trajectories.
+
+    Args:
+        config: of the run folder.
+        repertoire: of the same.
 
     Raises:
         ValueError: the observations are not trajectories in the plane.
@@ -42,7 +47,7 @@ def scene_of(task: str | None, repertoire: Repertoire) -> Scene:
         raise ValueError(
             f"skills must be trajectories in the plane, observations of shape (steps, 2), got {observation.shape[1:]}"
         )
-    if task == "air-hockey":
+    if str(config.get("task")).partition(":")[0] == "air-hockey":
         wall = np.full(2, air_hockey.WALL)
         return Scene(-wall, wall, walls=True, radius=air_hockey.PUCK, start=np.array(air_hockey.START), arm=air_hockey.joints)
     low, high = observation.min(axis=(0, 1)), observation.max(axis=(0, 1))

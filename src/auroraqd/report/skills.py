@@ -149,8 +149,8 @@ class _Panel:
         axes.set(xticks=[], yticks=[], xlim=(scene.low[0], scene.high[0]), ylim=(scene.low[1], scene.high[1]))
         axes.set_title(f"skill {row}", fontsize=8, pad=2)
         for spine in axes.spines.values():
-            spine.set_visible(scene.walls)
-            spine.set_linewidth(1.5)
+            spine.set_visible(True)
+            spine.set(color="black" if scene.walls else "#dddddd", linewidth=1.5)
         width, height = scene.high - scene.low
         if 1 / 3 < width / height < 3:
             axes.set_aspect("equal")

@@ -1,0 +1,82 @@
+"""The air-hockey task in an engine, Box2D 3, with a kinematic arm that follows the same law; and how far ours is from it."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pyb2d3
+
+from auroraqd.tasks import AirHockey, air_hockey
+
+START = np.array([0.55, 0.5])
+SOON = 5  # samples: half a second
+
+
+class Agreement(NamedTuple):
+    """How many pucks move in both, and in either; of those that move in both, the distance in metres, half a second after the
+    first contact and at the end."""
+
+    both: int
+    either: int
+    soon: np.ndarray
+    end: np.ndarray
+
+
+def moved(observation):
+    return np.abs(observation - START).max(axis=(1, 2)) > 1e-3
+
+
+def pushing(moving, still, seed=0):
+    """Random genotypes of which so many move the puck, and so many do not."""
+    genotypes = np.random.default_rng(seed).random((20 * (moving + still), 8))
+    moves = moved(AirHockey()(genotypes).observation)
+    return np.concatenate([genotypes[moves][:moving], genotypes[~moves][:still]])
+
+
+def compare(genotypes, threshold):
+    """Run genotypes here and there."""
+    ours = AirHockey(restitution_threshold=threshold)(genotypes).observation
+    theirs = np.array([engine(*movement, threshold) for movement in zip(*air_hockey.movement(genotypes), strict=True)])
+    one, other = moved(ours), moved(theirs)
+    both = one & other
+    first = (np.abs(ours[both] - START).max(axis=2) > 1e-3).argmax(axis=1)
+    apart = np.linalg.norm(ours[both] - theirs[both], axis=2)
+    soon = apart[np.arange(len(apart)), np.minimum(first + SOON, air_hockey.STEPS - 1)]
+    return Agreement(int(both.sum()), int((one | other).sum()), soon, apart[:, -1])
+
+
+def engine(start, change, threshold, step=0.01):
+    """The same movement of the arm, kinematic, in Box2D 3: path of the puck every 0.1 s."""
+    world = pyb2d3.World(gravity=(0, 0), restitution_threshold=threshold)
+
+    def add(body, shape, restitution=0.0):
+        definition = pyb2d3.shape_def(density=0.2)
+        definition.material.friction = 0.8
+        definition.material.restitution = restitution
+        body.create_shape(definition, shape)
+        return body
+
+    room = world.create_static_body(position=(0, 0))
+    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        add(room, pyb2d3.box(0.01 if x else 1, 0.01 if y else 1, center=(x, y)))
+    half = air_hockey.LINK / 2
+    box = pyb2d3.box(half, air_hockey.HALF_WIDTH, center=(half, 0))
+    arm = [add(world.create_kinematic_body(position=(0, 0)), box) for _ in range(4)]
+    arm.append(add(world.create_kinematic_body(position=(0, 0)), pyb2d3.circle(radius=air_hockey.TIP)))
+    puck = add(world.create_dynamic_body(position=tuple(START)), pyb2d3.circle(radius=0.05), 0.8)
+
+    def pose(time):
+        angle = np.cumsum(start + change * (1 - math.exp(-0.3 * time)))
+        place = np.cumsum(air_hockey.LINK * np.stack([np.cos(angle), np.sin(angle)], axis=1), axis=0)
+        return np.append(angle, 0.0), np.concatenate([[[0.0, 0.0]], place])
+
+    path = []
+    for k in range(round(5 / step)):
+        (angle, place), (next_angle, next_place) = pose(k * step), pose((k + 1) * step)
+        for i, body in enumerate(arm):
+            body.set_transform(tuple(map(float, place[i])), pyb2d3.make_rot(float(angle[i])))
+            body.linear_velocity = tuple(map(float, (next_place[i] - place[i]) / step))
+            body.angular_velocity = float((next_angle[i] - angle[i]) / step)
+        world.step(step, 4)
+        path.append((puck.position[0], puck.position[1]))
+    return np.array(path)[9::10]
