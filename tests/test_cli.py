@@ -52,7 +52,8 @@ def test_help_imports_nothing_heavy():
 def test_run_leaves_what_it_promises(run_folder):
     names = {str(path.relative_to(run_folder)) for path in run_folder.rglob("*") if path.is_file()}
     figures = {f"figures/{name}.{suffix}" for name in ("repertoire", "history", "skills") for suffix in ("png", "svg")}
-    assert names == {"config.json", "history.csv", "repertoire.safetensors"} | figures
+    checkpoints = {"repertoire.safetensors", "repertoire.previous.safetensors"}
+    assert names == {".lock", "config.json", "history.csv"} | checkpoints | figures
     assert len(auroraqd.load(run_folder)) > 100
     assert storage.load_history(run_folder)[-1].evaluations == 1500
     assert storage.load_config(run_folder)["seed"] == 4
@@ -120,32 +121,6 @@ def test_folders_of_others_are_never_touched(tmp_path):
     done = command("run", "ballistic", "-n", 2, "--out", tmp_path, "--overwrite", ok=False)
     assert "no run folder" in done.stderr
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
-
-
-def test_a_long_run_is_saved_now_and_then(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "_SAVE_EVERY", 0.0)
-    sizes = []
-    saving = cli._Saving(tmp_path, {"a": 1})
-
-    def callback(aurora):
-        saving(aurora)
-        sizes.append((len(auroraqd.load(tmp_path)), len(aurora.archive)))
-
-    auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=3, callback=callback)
-    assert [saved for saved, _ in sizes] == [size for _, size in sizes]
-    assert storage.load_config(tmp_path)["a"] == 1
-
-
-def test_a_full_disk_does_not_end_a_run(tmp_path, monkeypatch, capsys):
-    def full(*arguments, **options):
-        raise OSError("no space left")
-
-    monkeypatch.setattr(cli, "_SAVE_EVERY", 0.0)
-    monkeypatch.setattr(storage, "save", full)
-    aurora = auroraqd.Aurora(2, "genotype", seed=0)
-    aurora.run(auroraqd.tasks.Ballistic(), generations=2, callback=cli._Saving(tmp_path, {}))
-    assert aurora.generation == 2
-    assert "not saved at generation 1: no space left" in capsys.readouterr().err
 
 
 def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):

@@ -155,7 +155,7 @@ def test_a_truncated_repertoire(folder, keep):
 
 def test_other_formats(folder):
     save_file({"a": np.zeros(3)}, folder / "repertoire.safetensors")
-    with pytest.raises(ValueError, match="must be of the format 'auroraqd repertoire 1'"):
+    with pytest.raises(ValueError, match="must be of the format 'auroraqd repertoire 2'"):
         auroraqd.load(folder)
     (folder / "config.json").write_text("{")
     with pytest.raises(ValueError, match="damaged"):

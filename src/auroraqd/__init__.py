@@ -16,6 +16,7 @@ _HOME = {
     "Aurora": "aurora",
     "AutoEncoder": "autoencoder",
     "CVTArchive": "cvt",
+    "Checkpoints": "checkpoints",
     "Curiosity": "selection",
     "DescriptorError": "descriptor",
     "Doubling": "schedule",
@@ -33,6 +34,7 @@ _HOME = {
     "UnstructuredArchive": "archive",
     "VAT": "resolution",
     "load": "storage",
+    "resume": "storage",
     "save": "storage",
     "tessellate": "cvt",
 }
@@ -44,6 +46,7 @@ __all__ = [
     "Aurora",
     "AutoEncoder",
     "CVTArchive",
+    "Checkpoints",
     "Curiosity",
     "DescriptorError",
     "Doubling",
@@ -61,6 +64,7 @@ __all__ = [
     "UnstructuredArchive",
     "load",
     "metrics",
+    "resume",
     "save",
     "tasks",
     "tessellate",
@@ -72,13 +76,14 @@ if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
     from auroraqd.autoencoder import AutoEncoder
     from auroraqd.cells import GridArchive
+    from auroraqd.checkpoints import Checkpoints
     from auroraqd.cvt import CVTArchive, tessellate
     from auroraqd.descriptor import DescriptorError
     from auroraqd.repertoire import Repertoire
     from auroraqd.resolution import VAT, Fixed
     from auroraqd.schedule import Doubling, Every, Never
     from auroraqd.selection import Curiosity, Uniform
-    from auroraqd.storage import load, save
+    from auroraqd.storage import load, resume, save
     from auroraqd.tasks import Evaluation, TaskError
     from auroraqd.variation import Gaussian, IsoLine, Polynomial
 

@@ -8,6 +8,7 @@ Fitness is maximised. Columns share their rows: row i of `genotype`, `fitness`, 
 
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +33,8 @@ class Archive(ABC):
     `genotype` (n, n_genes), `fitness` (n,), `observation` (n, ...), `descriptor` (n, d), `ground_truth` (n, ...) or None,
     `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64. An id is never given twice.
 
-    A new kind of archive provides `_place`, which decides, and `_clear`, which forgets.
+    A new kind of archive provides `_place`, which decides, `_clear`, which forgets, and `_remember`, which finds its way into
+    individuals that are there.
     """
 
     def __init__(self) -> None:
@@ -65,6 +67,10 @@ class Archive(ABC):
     def _clear(self) -> None:
         """Forget all individuals."""
 
+    @abstractmethod
+    def _remember(self) -> None:
+        """Derive what is kept beside the columns from these, in an archive that knows none of its individuals yet."""
+
     def __len__(self) -> int:
         return len(self._population)
 
@@ -77,6 +83,35 @@ class Archive(ABC):
     @abstractmethod
     def settings(self) -> dict[str, Any]:
         """The parameters, as JSON values."""
+
+    @property
+    def constants(self) -> dict[str, np.ndarray]:
+        """Parameters that are arrays, by name."""
+        return {}
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What changes beside the columns, as JSON values."""
+        return {"next_id": self._next_id, "rearranged": self._rearranged}
+
+    def restore(self, columns: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
+        """Become the archive, of the same parameters, that had these columns and this `state`.
+
+        Args:
+            columns: by name, all of those that the archive had.
+            state: likewise.
+        """
+        with self._lock, uninterrupted():
+            self._next_id, self._rearranged = state["next_id"], state["rearranged"]
+            self._population = Population()
+            self._clear()
+            size = len(columns["id"])
+            if size:
+                self._population.define(columns)
+                self._population.reserve(size)
+                self._population.write(np.arange(size), columns)
+                self._population.resize(size)
+                self._remember()
 
     def _column(self, name: str, row_shape: tuple[int, ...] = ()) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty((0, *row_shape))
@@ -337,8 +372,7 @@ class UnstructuredArchive(Archive):
         self._scratch = _neighbours.scratch(self._k)
         self._clear()
         if len(self):
-            self._tree, self._stored = _neighbours.indexed(self.descriptor, self.fitness)
-            self._placed = len(self)
+            self._remember()
 
     def __repr__(self) -> str:
         return (
@@ -408,6 +442,21 @@ class UnstructuredArchive(Archive):
         self._tree: _neighbours.Tree | None = None
         self._stored: _neighbours.Stored | None = None
         self._placed = 0
+
+    def _remember(self) -> None:
+        self._tree, self._stored = _neighbours.indexed(self.descriptor, self.fitness)
+        self._placed = len(self)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What changes beside the columns, as JSON values."""
+        return {**super().state, "l": self._l}
+
+    def restore(self, columns: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
+        """As `Archive.restore`."""
+        with self._lock, uninterrupted():
+            self._l = number("l", state["l"])
+            super().restore(columns, state)
 
     def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
         n, d = descriptor.shape

@@ -86,6 +86,11 @@ class CellArchive(Archive):
         self._row_of = {}
         self._elite = []
 
+    def _remember(self) -> None:
+        cells = self._cells(self.descriptor).tolist()
+        self._row_of = {cell: row for row, cell in enumerate(cells)}
+        self._elite = self.fitness.tolist()
+
     def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
         target = np.full(len(descriptor), -1)
         valid = np.flatnonzero(status != INVALID)

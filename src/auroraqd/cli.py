@@ -4,9 +4,9 @@ import copy
 import os
 import signal
 import sys
-import time
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from auroraqd.experiments import Settings
     from auroraqd.experiments.replication import Job
     from auroraqd.experiments.variants import Experiment
-
-_SAVE_EVERY = 60.0  # s
 
 app = typer.Typer(
     add_completion=False,
@@ -145,18 +143,47 @@ def repeat(
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start."""
-    from auroraqd.experiments import Settings
-    from auroraqd.storage import load_config
-
-    config = load_config(folder)
-    if "task" not in config:
-        raise UserError(f"{folder} was saved from Python: only what `auroraqd run` made can be run again")
-    try:
-        settings = Settings.from_json(config)
-        settings.build()
-    except (ValueError, TypeError) as error:
-        raise UserError(f"{folder}/config.json cannot be run again: {error}") from None
+    settings = _settings_in(folder)
     _run(settings, out, overwrite, figures)
+
+
+@app.command()
+def resume(
+    folder: Annotated[Path, typer.Argument(help="Run folder to go on with.")],
+    generations: Annotated[
+        int | None, typer.Option("--generations", "-n", help="In all, to go on further. [default: those of the run]")
+    ] = None,
+    any_environment: Annotated[
+        bool, typer.Option("--any-environment", help="Go on with other versions or on another machine: no longer bit for bit.")
+    ] = False,
+    figures: FiguresOption = True,
+) -> None:
+    """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
+
+    A run that has ended goes on further with --generations. Example: auroraqd resume runs/first --generations 10000
+    """
+    from auroraqd import storage
+
+    settings = _settings_in(folder)
+    if generations is not None:
+        settings = replace(settings, generations=generations)
+    with console.status("loading") if console.is_terminal else nullcontext(), _warnings_said():
+        if any((folder / name).is_file() for name in (storage.REPERTOIRE, storage.PREVIOUS)):
+            task, aurora = settings.build_task(), storage.resume(folder, any_environment=any_environment)
+        else:  # it ended before its first checkpoint
+            task, aurora = settings.build()
+    given = {name: getattr(settings, name) for name in ("seed", "batch_size", "selection", "variation", "schedule")}
+    differ = [
+        f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
+    ]
+    if differ:
+        raise UserError(f"{folder}/config.json has been changed, {', '.join(differ)}: the run cannot go on with it")
+    if aurora.generation >= settings.generations:
+        raise UserError(
+            f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
+            "--generations with a larger number goes on"
+        )
+    _grow(task, aurora, settings, folder, figures)
 
 
 @app.command()
@@ -309,44 +336,84 @@ def _prepare(settings: "Mapping[str, Settings]", jobs: "Sequence[Job]") -> None:
         _compile(next(iter(settings.values())))
 
 
+def _settings_in(folder: Path) -> "Settings":
+    """The settings of a run folder that `auroraqd run` made."""
+    from auroraqd.experiments import Settings
+    from auroraqd.storage import load_config
+
+    config = load_config(folder)
+    if "task" not in config:
+        raise UserError(f"{folder} was saved from Python: only what `auroraqd run` made can be run from here")
+    try:
+        return Settings.from_json(config)
+    except (ValueError, TypeError) as error:
+        raise UserError(f"{folder}/config.json cannot be run again: {error}") from None
+
+
+@contextmanager
+def _warnings_said() -> "Iterator[None]":
+    """Warnings as a sentence, and not with the line of code that gave them."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    for warning in caught:
+        errors.print(f"Warning: {warning.message}", markup=False, highlight=False)
+
+
 def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> None:
     _check_free(out, overwrite)
     with console.status("preparing") if console.is_terminal else nullcontext():
         task, aurora = settings.build()
-    out.mkdir(parents=True, exist_ok=True)
-    from auroraqd._interrupts import uninterrupted
+    _grow(task, aurora, settings, out, figures, overwrite=overwrite)
+
+
+def _grow(task: Any, aurora: "Aurora", settings: "Settings", out: Path, figures: bool, *, overwrite: bool = False) -> None:
+    """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
     from auroraqd.autoencoder import listening
-    from auroraqd.descriptor import DescriptorError
+    from auroraqd.checkpoints import LOCK, Checkpoints
     from auroraqd.progress import RunProgress
-    from auroraqd.storage import save
-    from auroraqd.tasks import TaskError
 
     failure: BaseException | None = None
     console.print(f"[bold]{settings.task}[/], descriptor [bold]{settings.descriptor}[/], seed {settings.seed}", highlight=False)
     for polite_end in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a cluster, of a closed terminal
         signal.signal(polite_end, signal.default_int_handler)
-    try:
-        with console.status("compiling, which takes some 10 s the first time") if console.is_terminal else nullcontext():
-            _compile(settings)
-        with RunProgress(console, settings.generations) as progress, listening(progress.training):
-            saving = _Saving(out, settings.as_json())
+    checkpoints = Checkpoints(
+        aurora,
+        out,
+        config=settings.as_json(),
+        overwrite=overwrite,
+        report=lambda text: errors.print(text, markup=False, highlight=False),
+    )
+    with checkpoints:
+        try:
+            with console.status("compiling, which takes some 10 s the first time") if console.is_terminal else nullcontext():
+                _compile(settings)
+            with RunProgress(console, settings.generations, aurora.evaluations) as progress, listening(progress.training):
 
-            def after_each(aurora: "Aurora") -> None:
-                progress(aurora)
-                saving(aurora)
+                def after_each(aurora: "Aurora") -> None:
+                    progress(aurora)
+                    checkpoints()
 
-            aurora.run(task, generations=settings.generations, callback=after_each)
-    except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved first
-        failure = error
-    kept = "nothing had been found yet"
-    if len(aurora.archive) or failure is None:
-        with uninterrupted():  # an impatient second Ctrl-C
-            save(aurora, out, config=settings.as_json())
+                aurora.run(task, generations=settings.generations - aurora.generation, callback=after_each)
+        except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
+            failure = error
+    if checkpoints.saved:
         _report(out, figures)
         kept = f"what was found is in {out}"
     else:
-        with suppress(OSError):  # a folder that holds an earlier run stays
+        kept = "nothing had been found yet"
+        with suppress(OSError):  # a folder that holds anything else stays
+            (out / LOCK).unlink()
             out.rmdir()
+    if failure is not None:
+        _end(failure, aurora, kept)
+
+
+def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
+    """Say why a run has ended, and end the command."""
+    from auroraqd.descriptor import DescriptorError
+    from auroraqd.tasks import TaskError
+
     if isinstance(failure, KeyboardInterrupt):
         errors.print(f"Interrupted after {aurora.generation} generations; {kept}", highlight=False)
         raise typer.Exit(130)
@@ -354,30 +421,8 @@ def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> Non
         raise UserError(f"there is not enough memory: {failure}; {kept}")
     if isinstance(failure, TaskError | DescriptorError | ValueError | OSError):
         raise UserError(f"{failure}; {kept}")
-    if failure is not None:
-        errors.print(kept, highlight=False)
-        raise failure
-
-
-class _Saving:
-    """A callback that saves a run every minute, so that not even a dead machine costs more than that.
-
-    A disk that is full for a while does not end the run: it is said, and tried again a minute later.
-    """
-
-    def __init__(self, out: Path, config: dict[str, Any]):
-        self._out, self._config = out, config
-        self._next = time.monotonic() + _SAVE_EVERY
-
-    def __call__(self, aurora: "Aurora") -> None:
-        if time.monotonic() >= self._next and len(aurora.archive):
-            from auroraqd.storage import save
-
-            try:
-                save(aurora, self._out, config=self._config)
-            except OSError as error:
-                errors.print(f"not saved at generation {aurora.generation}: {error}", highlight=False)
-            self._next = time.monotonic() + _SAVE_EVERY
+    errors.print(kept, highlight=False)
+    raise failure
 
 
 def _compile(settings: "Settings") -> None:
@@ -396,11 +441,14 @@ def _check_free(out: Path, overwrite: bool) -> None:
 
     if out.exists() and not out.is_dir():
         raise UserError(f"{out} exists and is no folder: choose another with --out")
-    if out.is_dir() and any(out.iterdir()):
+    if out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir()):
         if not (out / CONFIG).is_file():
             raise UserError(f"{out} is not empty and no run folder: choose another with --out")
         if not overwrite:
-            raise UserError(f"{out} holds a run already: choose another folder with --out, or replace it with --overwrite")
+            raise UserError(
+                f"{out} holds a run already: choose another folder with --out, go on with it by `auroraqd resume {out}`, or "
+                "replace it with --overwrite"
+            )
 
 
 def _report(folder: Path, figures: bool) -> None:

@@ -147,6 +147,11 @@ class CVTArchive(CellArchive):
         return {"centroids": len(t.centroids), "asked": t.asked, "samples": t.samples, "steps": t.steps}
 
     @property
+    def constants(self) -> dict[str, np.ndarray]:
+        """The centroids."""
+        return {"centroids": self.tessellation.centroids}
+
+    @property
     def n_cells(self) -> int:
         """Distinct centroids."""
         return len(self.tessellation.centroids)

@@ -1,5 +1,6 @@
 """How a run went: one record a generation."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,20 @@ class History:
         self._gap = 1
         self._records: list[Record] = []
         self._last: Record | None = None
+
+    @classmethod
+    def restored(cls, records: Sequence[Record], gap: int) -> "History":
+        """The history that had these `records`, and this `gap`."""
+        history = cls()
+        history._gap = gap
+        history._records = [record for record in records if record.generation % gap == 0]
+        history._last = records[-1] if records else None
+        return history
+
+    @property
+    def gap(self) -> int:
+        """Generations between two records that are kept."""
+        return self._gap
 
     def append(self, record: Record) -> None:
         """Add the record of the next generation."""

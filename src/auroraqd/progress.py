@@ -24,11 +24,13 @@ class RunProgress:
     Args:
         console: where to show it.
         generations: generations at the end of the run.
+        evaluations: done before.
     """
 
-    def __init__(self, console: Console, generations: int):
+    def __init__(self, console: Console, generations: int, evaluations: int = 0):
         self._console = console
         self._generations = generations
+        self._evaluations = evaluations
         self._bar: Progress | None = None
         self._gap = _REDRAW if console.is_terminal else _LOG
         self._next = 0.0
@@ -46,7 +48,7 @@ class RunProgress:
             )
             bar.start()
             self._task = bar.add_task("", total=self._generations, state="")
-        self._since, self._evaluations = time.monotonic(), 0
+        self._since = time.monotonic()
         self._next = self._since + (0 if self._bar else self._gap)
         return self
 

@@ -1,44 +1,45 @@
-"""Run folders: what a run leaves on disk.
+"""Run folders: what a run leaves on disk, and how it goes on from there.
 
-    config.json              the settings, enough to run it again, and the versions and machine it ran on
-    history.csv              one `auroraqd.history.Record` a line
-    repertoire.safetensors   the columns of the archive, with the descriptor they were found with
-    figures/                 pictures
+    config.json                       the settings, enough to run it again, and the versions and machine it ran on
+    history.csv                       one `auroraqd.history.Record` a line
+    repertoire.safetensors            a checkpoint: the columns of the archive, the descriptor they were found with, and all
+                                      else that the run needs to go on; with a checksum
+    repertoire.previous.safetensors   the checkpoint before it, while there is one
+    figures/                          pictures
 
 Files are written beside their place, synced and moved there, so a crash leaves the old file or the new one, never half of
 one. Loading runs no code from a file: arrays are safetensors, scikit-learn estimators go through skops, and nothing is
 unpickled.
 """
 
-import io
 import json
 import math
 import os
 import platform
 import warnings
-import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, is_dataclass
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save as save_tensors
 
+from auroraqd import _tensors, _transformers
 from auroraqd._files import read_table, replacing
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import OBSERVATION, Descriptor
 from auroraqd.history import Record
 from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
 from auroraqd.scaling import Scaling
+from auroraqd.state import State, restored, settings_of, state_of
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
+PREVIOUS = "repertoire.previous.safetensors"
 _PICTURES = ("repertoire.*", "history.*", "skills.*", "skill-*.*")  # in figures/, of what is stored
-_FORMAT = "auroraqd repertoire 1"  # the one metadata key: with several, safetensors writes them in any order
+_FORMAT = "auroraqd repertoire 2"
 _LEARNED = "learned"
-_TRUSTED = ("auroraqd.autoencoder.AutoEncoder",)  # beyond scikit-learn's
+_LOW, _HIGH, _TRANSFORMER, _STATE = "scaling.low", "scaling.high", "transformer.skops", "state.json"
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba", "jax", "equinox", "optax")
 
 
@@ -46,7 +47,7 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     """Write a run folder, creating it if needed; its files are replaced.
 
     Args:
-        aurora: the run.
+        aurora: the run, at any moment.
         folder: where.
         config: what to keep as settings; by default those of `aurora`.
 
@@ -57,39 +58,109 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
         OSError: it cannot be written.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    config = {**(settings_of(aurora) if config is None else config), "environment": environment()}
-    _write(folder / REPERTOIRE, _repertoire_bytes(aurora))
-    _write(folder / HISTORY, _history_csv(aurora.history.records).encode())
-    _write(folder / CONFIG, (json.dumps(config, indent=2) + "\n").encode())
-    for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
-        path.unlink()  # it shows what was there before
+    write(aurora, folder, config)
+    (folder / PREVIOUS).unlink(missing_ok=True)  # it may be of another run
     return folder
 
 
+def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, keep: bool = False) -> None:
+    """As `save`; if `keep`, the checkpoint that is there becomes the one before."""
+    folder.mkdir(parents=True, exist_ok=True)
+    _write(folder / HISTORY, _history_csv(aurora.history.records))
+    if keep:
+        _keep(folder)
+    arrays, kind = _contents(aurora)
+    _tensors.write(folder / REPERTOIRE, arrays, _FORMAT, kind)
+    write_config(aurora, folder, config)
+    for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
+        path.unlink()  # it shows what was there before
+
+
+def write_config(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None) -> None:
+    """The settings alone, as `save` writes them."""
+    config = {**(settings_of(aurora) if config is None else config), "environment": environment()}
+    _write(folder / CONFIG, json.dumps(config, indent=2) + "\n")
+
+
+def _keep(folder: Path) -> None:
+    """Give the checkpoint a second name, so that there is one under the first until it is replaced."""
+    with suppress(FileNotFoundError):
+        (folder / PREVIOUS).unlink(missing_ok=True)
+        try:
+            (folder / PREVIOUS).hardlink_to(folder / REPERTOIRE)
+        except (OSError, NotImplementedError):  # a file system without them
+            (folder / REPERTOIRE).replace(folder / PREVIOUS)
+
+
 def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoire:
-    """The repertoire of a run folder.
+    """The repertoire of a run folder, also of a run that is under way.
 
     Args:
-        folder: as written by `auroraqd run` or `auroraqd.save`.
+        folder: as written by `auroraqd run`, `auroraqd.save` or `auroraqd.Checkpoints`.
         trusted: full names of the types, beyond scikit-learn's, that may be created to load the descriptor,
             for instance `["mymodule.MyEncoder"]`. Needed by `Repertoire.describe` only.
 
     Raises:
         FileNotFoundError: the folder, or the repertoire in it, does not exist.
-        ValueError: the repertoire is damaged, or of another format.
+        ValueError: the repertoire is damaged, and so is the checkpoint before it; or it is of another format.
+
+    Warns:
+        UserWarning: it is damaged, and the checkpoint before it is taken.
     """
-    path = _existing(folder, REPERTOIRE)
+    arrays, kind = _read(folder)
+    columns = {name: arrays[name] for name in (*REQUIRED, *OPTIONAL) if name in arrays}
+    return Repertoire(columns, lambda: _descriptor(kind, arrays, trusted))
+
+
+def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_environment: bool = False, **parts: Any) -> Aurora:
+    """The run of a run folder as it was at its last checkpoint: it goes on as if it had never ended, bit for bit.
+
+    Args:
+        folder: as written by `auroraqd run`, `auroraqd.save` or `auroraqd.Checkpoints`.
+        trusted: full names of the types, beyond scikit-learn's, that may be created to load the descriptor.
+        any_environment: whether to go on with other versions, or on another machine, than before: then rounding may differ,
+            and the run takes another course.
+        parts: `selection`, `variation`, `resolution`, `schedule`, or an empty `archive`, to use instead of the saved ones.
+            Those that are not auroraqd's own must be given.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: the run is damaged, of another format, version or machine, or needs a part that is not given.
+
+    Warns:
+        UserWarning: the last checkpoint is damaged, and the one before it is taken.
+    """
+    unknown = set(parts) - {"selection", "variation", "resolution", "schedule", "archive"}
+    if unknown:
+        raise TypeError(
+            f"resume takes a selection, variation, resolution, schedule or archive, not {', '.join(sorted(unknown))}"
+        )
+    arrays, kind = _read(folder)
+    if not any_environment:
+        _check_environment(folder, load_config(folder).get("environment", {}))
     try:
-        with safe_open(path, framework="numpy") as file:
-            metadata = file.metadata() or {}
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dictionary
-    except (SafetensorError, OSError) as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
-    if _FORMAT not in metadata:
-        raise ValueError(f"{path} must be of the format {_FORMAT!r}, got one with the metadata {metadata}")
-    columns = {name: arrays.pop(name) for name in (*REQUIRED, *OPTIONAL) if name in arrays}
-    return Repertoire(columns, lambda: _load_descriptor(metadata[_FORMAT], arrays, columns, trusted))
+        state = State(json.loads(arrays[_STATE].tobytes()), arrays)
+        return restored(state, _descriptor(kind, arrays, trusted), _seconds(Path(folder)), parts)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{os.fspath(folder)} does not hold what a run needs to go on: {error!r}") from error
+    except ValueError as error:
+        raise ValueError(f"{os.fspath(folder)} cannot go on: {error}") from error
+
+
+def whose(folder: Path) -> tuple[dict[str, Any], int]:
+    """Which run the last checkpoint is of: its settings, as `auroraqd.state.settings_of` has them, and its generation.
+
+    Of a damaged checkpoint, the one before takes the place.
+
+    Raises:
+        FileNotFoundError: there is none.
+        ValueError: it is damaged, or of another format.
+    """
+    (arrays, _), error = _last(folder)
+    if error is not None:
+        (folder / PREVIOUS).replace(folder / REPERTOIRE)
+    values = json.loads(arrays[_STATE].tobytes())
+    return values["settings"], values["generation"]
 
 
 def load_config(folder: str | os.PathLike) -> dict[str, Any]:
@@ -119,32 +190,6 @@ def load_history(folder: str | os.PathLike) -> list[Record]:
     return read_table(_existing(folder, HISTORY), Record)
 
 
-def settings_of(aurora: Aurora) -> dict[str, Any]:
-    """The settings of a run as JSON values."""
-    archive = aurora.archive
-    return {
-        "n_genes": aurora.n_genes,
-        "descriptor": _named(aurora.descriptor.source),
-        "seed": aurora.seed,
-        "batch_size": aurora.batch_size,
-        "archive": {"type": type(archive).__name__, **archive.settings},
-        **{name: as_json(getattr(aurora, name)) for name in ("selection", "variation", "resolution", "schedule")},
-    }
-
-
-def _named(source: Any) -> str:
-    """What a descriptor is called: its `repr` if that says more than where it lies in memory."""
-    text = source if isinstance(source, str) else repr(source)
-    return type(source).__qualname__ if " object at 0x" in text else text
-
-
-def as_json(strategy: Any) -> Any:
-    """A strategy as its type and fields, or what it is called if it is no dataclass."""
-    if is_dataclass(strategy) and not isinstance(strategy, type):
-        return {"type": type(strategy).__name__, **asdict(strategy)}
-    return None if strategy is None else getattr(strategy, "__qualname__", repr(strategy))
-
-
 def environment() -> dict[str, Any]:
     """What bit-for-bit repetition depends on besides the settings."""
     return {
@@ -156,87 +201,83 @@ def environment() -> dict[str, Any]:
     }
 
 
+def _check_environment(folder: str | os.PathLike, before: Mapping[str, Any]) -> None:
+    now = environment()
+    differ = [f"{name} {before.get(name)} and not {now[name]}" for name in now if before.get(name) != now[name]]
+    if differ:
+        raise ValueError(
+            f"{os.fspath(folder)} comes from another environment, {', '.join(differ)}: here it would take another course. "
+            "To go on all the same: any_environment=True, or --any-environment"
+        )
+
+
+def _read(folder: str | os.PathLike) -> tuple[dict[str, np.ndarray], str]:
+    """The last checkpoint that is whole, and what kind of descriptor it has; with a warning if it is not the last."""
+    contents, error = _last(folder)
+    if error is not None:
+        warnings.warn(f"{error}; the checkpoint before it is taken", stacklevel=3)
+    return contents
+
+
+def _last(folder: str | os.PathLike) -> tuple[tuple[dict[str, np.ndarray], str], Exception | None]:
+    """The last checkpoint that is whole, and what is wrong with the one after it, if there is one."""
+    previous = Path(folder) / PREVIOUS
+    try:
+        return _tensors.read(_existing(folder, REPERTOIRE), _FORMAT), None
+    except (ValueError, FileNotFoundError) as error:
+        if not previous.is_file():
+            raise
+        try:
+            return _tensors.read(previous, _FORMAT), error
+        except ValueError:
+            raise error from None
+
+
+def _seconds(folder: Path) -> dict[int, float]:
+    """What the history says about times, by generation: they are in no checkpoint, for equal runs give equal checkpoints."""
+    try:
+        return {record.generation: record.seconds for record in load_history(folder)}
+    except (OSError, ValueError) as error:
+        warnings.warn(f"the times of the generations so far are lost: {error}", stacklevel=3)
+        return {}
+
+
 def _history_csv(records: Sequence[Record]) -> str:
     lines = [",".join(Record._fields)]
     lines += [",".join("nan" if isinstance(v, float) and math.isnan(v) else repr(v) for v in record) for record in records]
     return "\n".join(lines) + "\n"
 
 
-def _repertoire_bytes(aurora: Aurora) -> bytes:
-    archive, descriptor = aurora.archive, aurora.descriptor
-    arrays = {name: getattr(archive, name) for name in (*REQUIRED, *OPTIONAL) if getattr(archive, name) is not None}
-    kind = descriptor.source if isinstance(descriptor.source, str) else _LEARNED
+def _contents(aurora: Aurora) -> tuple[dict[str, np.ndarray], str]:
+    """The arrays of a checkpoint, and the kind of the descriptor."""
+    descriptor, state = aurora.descriptor, state_of(aurora)
+    arrays = {**state.arrays, _STATE: np.frombuffer(json.dumps(state.values).encode(), np.uint8)}
     if descriptor.scaling is not None:
-        arrays["scaling.low"], arrays["scaling.high"] = descriptor.scaling
-        transformer = None if isinstance(descriptor.source, str) else _transformer_bytes(descriptor.source)
-        if transformer is not None:
-            arrays["transformer.skops"] = np.frombuffer(transformer, np.uint8)
-    return save_tensors({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {_FORMAT: kind})
-
-
-def _transformer_bytes(transformer: Any) -> bytes | None:
-    import skops.io
-
+        arrays[_LOW], arrays[_HIGH] = descriptor.scaling
+    if isinstance(descriptor.source, str):
+        return arrays, descriptor.source
     try:
-        return _canonical(skops.io.dumps(transformer))
+        arrays[_TRANSFORMER] = np.frombuffer(_transformers.dumped(descriptor.source), np.uint8)
     except Exception as error:  # whatever a foreign object raises, the repertoire itself must not be lost
         warnings.warn(
-            f"{type(transformer).__name__} cannot be saved with the repertoire, which will not be able to describe new "
-            f"observations: {error}",
-            stacklevel=2,
+            f"{type(descriptor.source).__name__} cannot be saved with the repertoire, which will not be able to describe new "
+            f"observations, nor to go on: {error}",
+            stacklevel=4,
         )
-        return None
+    return arrays, _LEARNED
 
 
-def _canonical(content: bytes) -> bytes:
-    """The same skops file, without the memory addresses and times in it: equal objects give equal bytes."""
-    numbers: dict[str, str] = {}
-
-    def renumbered(value: Any, key: str = "") -> Any:
-        if isinstance(value, dict):
-            return {name: renumbered(entry, name) for name, entry in value.items()}
-        if isinstance(value, list):
-            return [renumbered(entry) for entry in value]
-        if key == "__id__":
-            return int(numbers.setdefault(str(value), str(len(numbers))))
-        if key == "file":
-            stem, dot, suffix = value.partition(".")
-            return numbers.setdefault(stem, str(len(numbers))) + dot + suffix
-        return value
-
-    with zipfile.ZipFile(io.BytesIO(content)) as source:
-        members = {name: source.read(name) for name in source.namelist()}
-    schema = json.dumps(renumbered(json.loads(members.pop("schema.json")))).encode()
-    renamed = {renumbered(name, "file"): members[name] for name in members}
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as target:
-        for name, member in sorted({**renamed, "schema.json": schema}.items()):
-            target.writestr(zipfile.ZipInfo(name), member)
-    return out.getvalue()
-
-
-def _load_descriptor(
-    kind: str, arrays: Mapping[str, np.ndarray], columns: Mapping[str, np.ndarray], trusted: Sequence[str]
-) -> Descriptor:
-    shape = columns["observation"].shape[1:]
-    if kind != _LEARNED:
-        named = Descriptor(kind)
-        return named.restored(Scaling(arrays["scaling.low"], arrays["scaling.high"]), shape) if kind == OBSERVATION else named
-    if "transformer.skops" not in arrays:
-        raise ValueError("the repertoire was saved without its transformer")
-    import skops.io
-    from skops.io.exceptions import UntrustedTypesFoundException
-
-    try:
-        transformer = skops.io.loads(arrays["transformer.skops"].tobytes(), trusted=[*_TRUSTED, *trusted])
-    except UntrustedTypesFoundException as error:
-        raise ValueError(
-            f"the descriptor needs types that are not trusted. {error}. If you trust them: load(folder, trusted=[...])"
-        ) from None
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"the descriptor needs a type that cannot be imported here: {error}") from None
-    scaling = Scaling(arrays["scaling.low"], arrays["scaling.high"])
-    return Descriptor(transformer).restored(scaling, shape)
+def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], trusted: Sequence[str]) -> Descriptor:
+    if kind == _LEARNED:
+        if _TRANSFORMER not in arrays:
+            raise ValueError("the repertoire was saved without its transformer")
+        descriptor = Descriptor(_transformers.loaded(arrays[_TRANSFORMER].tobytes(), trusted))
+    else:
+        descriptor = Descriptor(kind)
+    if _LOW not in arrays or (kind != _LEARNED and kind != OBSERVATION):
+        return descriptor
+    shape = tuple(json.loads(arrays[_STATE].tobytes())["shape"])
+    return descriptor.restored(Scaling(arrays[_LOW], arrays[_HIGH]), shape)
 
 
 def _existing(folder: str | os.PathLike, name: str) -> Path:
@@ -248,9 +289,9 @@ def _existing(folder: str | os.PathLike, name: str) -> Path:
     return path
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write(path: Path, text: str) -> None:
     try:
         with replacing(path) as file:
-            file.write(content)
+            file.write(text.encode())
     except OSError as error:
-        raise OSError(f"{path} could not be written: {error.strerror}") from error
+        raise OSError(error.errno, f"{path} could not be written: {error.strerror}") from error

@@ -15,7 +15,7 @@ from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, tessellate
 from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
 from auroraqd.scaling import Scaling
-from auroraqd.storage import as_json
+from auroraqd.state import as_json
 from auroraqd.tasks import AirHockey, Ballistic
 
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
@@ -178,7 +178,7 @@ class Settings:
         Raises:
             ValueError: a setting is out of range.
         """
-        task = _built("task", TASKS, self.task)
+        task = self.build_task()
         aurora = Aurora(
             task.n_genes,
             self._transformer(),
@@ -192,6 +192,10 @@ class Settings:
             prior=self._prior(task),
         )
         return task, aurora
+
+    def build_task(self) -> Any:
+        """The task alone."""
+        return _built("task", TASKS, self.task)
 
     def _transformer(self) -> Any:
         if self.descriptor == PCA:

@@ -1,0 +1,95 @@
+"""Files of arrays that know when they are damaged: safetensors with a checksum of all their bytes.
+
+The checksum is an array of the file itself. It is taken with its own bytes at zero.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from auroraqd._files import replacing
+
+_CHECKSUM = "checksum"
+_DIGEST = 32  # bytes
+
+
+def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str) -> None:
+    """Write arrays, and a text with them, in place of a file that is there. Equal arrays give equal bytes.
+
+    Args:
+        path: of the file.
+        arrays: by name.
+        form: the name of the format.
+        text: anything.
+
+    Raises:
+        OSError: it cannot be written; what was there before stays.
+    """
+    contiguous = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    # One entry of metadata: of several, safetensors does not keep the order.
+    content = bytearray(save({**contiguous, _CHECKSUM: np.zeros(_DIGEST, np.uint8)}, {form: text}))
+    content[_place(content, _header(content))] = _digest(content)
+    try:
+        with replacing(path) as file:
+            file.write(content)
+    except OSError as error:
+        raise OSError(error.errno, f"{path} could not be written: {error.strerror}") from error
+
+
+def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:
+    """The arrays of a file, by name, and the text with them.
+
+    Raises:
+        ValueError: it is damaged, or of another format.
+        OSError: it cannot be read.
+    """
+    content = bytearray(path.read_bytes())
+    try:
+        header = _header(content)
+        metadata = header.get("__metadata__", {})
+        if form not in metadata:
+            raise _OtherFormat(f"{path} must be of the format {form!r}, got one with the metadata {metadata}")
+        place = _place(content, header)
+        digest = bytes(content[place])
+        content[place] = bytes(_DIGEST)
+        if digest != _digest(content):
+            raise ValueError("its checksum is wrong")
+        arrays = load(bytes(content))
+    except _OtherFormat:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, SafetensorError) as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+    del arrays[_CHECKSUM]
+    return arrays, metadata[form]
+
+
+class _OtherFormat(ValueError):
+    """A file that may be whole, but is not what it should be."""
+
+
+def _header(content: bytearray) -> dict:
+    """What is at the beginning of a safetensors file: its length in eight bytes, then JSON."""
+    length = int.from_bytes(content[:8], "little")
+    if len(content) < 8 + length:
+        raise ValueError("it is cut off")
+    return json.loads(content[8 : 8 + length])
+
+
+def _place(content: bytearray, header: dict) -> slice:
+    """Where the checksum is."""
+    if _CHECKSUM not in header:
+        raise ValueError("it has no checksum")
+    begin, end = header[_CHECKSUM]["data_offsets"]
+    data = 8 + int.from_bytes(content[:8], "little")
+    if not 0 <= begin <= end <= len(content) - data or end - begin != _DIGEST:
+        raise ValueError("it is cut off")
+    return slice(data + begin, data + end)
+
+
+def _digest(content: bytearray) -> bytes:
+    return hashlib.blake2b(content, digest_size=_DIGEST).digest()

@@ -1,0 +1,149 @@
+"""Checkpoints: a run is saved now and then while it goes on, so that no crash costs more than a few seconds of it."""
+
+import json
+import os
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from auroraqd import _transformers, storage
+from auroraqd._checks import number
+from auroraqd._interrupts import uninterrupted
+from auroraqd.aurora import Aurora
+from auroraqd.state import settings_of
+
+LOCK = ".lock"
+_SHARE = 0.02  # of the time of a run, at most, for checkpoints between its beginning and its end
+
+
+class Checkpoints:
+    """A context in which a run is saved: when its object is called and it is time to, and at the end, whatever ends it.
+
+        with auroraqd.Checkpoints(aurora, "runs/mine") as checkpoints:
+            aurora.run(task, generations=5000, callback=checkpoints)
+        aurora = auroraqd.resume("runs/mine")  # after a crash, or to go on further
+
+    With `ask` and `tell`, call it after each. The last two checkpoints are kept. While the context is open, no other process
+    can open one on the same folder.
+
+    Args:
+        aurora: the run.
+        folder: where; see `auroraqd.storage`. Created if needed.
+        every: seconds between two checkpoints, at least; the first is due at once. More, if writing takes long: checkpoints
+            take no more than 2% of the time. 0: one at every call.
+        config: what to keep as settings; by default those of `aurora`.
+        overwrite: whether another run in the folder, or one that is further, may be replaced.
+        report: told, in a sentence, when a checkpoint could not be written, because the disk is full for instance. The run goes
+            on, and it is tried again. By default a warning.
+
+    Raises:
+        ValueError: the descriptor cannot be saved; there is another run in the folder; `every` is negative.
+        BlockingIOError: another process has a run in the folder.
+        OSError: on entry, there cannot be such a folder; at the end, the run could not be saved.
+    """
+
+    def __init__(
+        self,
+        aurora: Aurora,
+        folder: str | os.PathLike,
+        *,
+        every: float = 10.0,
+        config: Mapping[str, Any] | None = None,
+        overwrite: bool = False,
+        report: Callable[[str], Any] = lambda text: warnings.warn(text, stacklevel=4),
+    ) -> None:
+        self.aurora = aurora
+        self.folder = Path(folder)
+        self._every = number("every", every)
+        self._config = config
+        self._overwrite = overwrite
+        self._report = report
+        self._lock = FileLock(self.folder / LOCK, timeout=0)
+        self._keep = False  # whether the checkpoint in the folder is of this run
+        self._first = False  # whether there was nothing in the folder
+        self._next = 0.0
+        self._saved: tuple[int, bool] | None = None
+
+    def __enter__(self) -> "Checkpoints":
+        if not isinstance(self.aurora.descriptor.source, str):
+            _transformers.check(self.aurora.descriptor.source)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self._lock.acquire()
+        except Timeout:
+            raise BlockingIOError(f"{self.folder} is in use: another process has a run there") from None
+        try:
+            self._keep = self._goes_on()
+            self._first = not (self.folder / storage.CONFIG).exists()
+            if self._first:  # from the settings alone a run can be done again, should it crash before the first checkpoint
+                storage.write_config(self.aurora, self.folder, self._config)
+        except BaseException:
+            self._lock.release()
+            raise
+        self._next = time.monotonic()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            with uninterrupted():  # an impatient second Ctrl-C
+                if not self.saved and (self.aurora.generation or self._saved):
+                    self._save()
+                elif self._first and self._saved is None:  # nothing was found
+                    (self.folder / storage.CONFIG).unlink(missing_ok=True)
+        finally:
+            self._lock.release()  # the file stays: to remove it would let two others lock two files of one name
+
+    @property
+    def saved(self) -> bool:
+        """Whether the run as it is now is in the folder."""
+        return self._now() == self._saved
+
+    def __call__(self, aurora: Aurora | None = None) -> None:
+        """Save the run, if it is time to. The argument is that of a callback of `Aurora.run`, and is not needed."""
+        began = time.monotonic()
+        if began < self._next:
+            return
+        try:
+            with uninterrupted():
+                self._save()
+        except OSError as error:
+            self._report(f"no checkpoint at generation {self.aurora.generation}: {error}")
+        now = time.monotonic()
+        self._next = now + (self._every and max(self._every, (now - began) / _SHARE))
+
+    def _save(self) -> None:
+        storage.write(self.aurora, self.folder, self._config, keep=self._keep)
+        if not self._keep:
+            (self.folder / storage.PREVIOUS).unlink(missing_ok=True)  # of the run that was there
+        self._keep = True
+        self._saved = self._now()
+
+    def _now(self) -> tuple[int, bool]:
+        """What changes whenever the run does."""
+        return self.aurora.generation, self.aurora.pending is not None
+
+    def _goes_on(self) -> bool:
+        """Whether the folder holds an earlier moment of the run.
+
+        Raises:
+            ValueError: it holds something else that must not be overwritten.
+        """
+        if not (self.folder / storage.REPERTOIRE).is_file() and not (self.folder / storage.PREVIOUS).is_file():
+            return False
+        try:
+            settings, generation = storage.whose(self.folder)
+        except ValueError:
+            if self._overwrite:
+                return False
+            raise
+        own = settings == json.loads(json.dumps(settings_of(self.aurora)))
+        if own and generation <= self.aurora.generation:
+            return True
+        if not self._overwrite:
+            what = f"this run at generation {generation}, and it is at {self.aurora.generation}" if own else "another run"
+            raise ValueError(f"{self.folder} holds {what}: choose another folder, or resume the run, or overwrite it")
+        return False

@@ -1,0 +1,467 @@
+"""Nothing is lost: a run that was killed, at any moment, goes on as if it had never ended."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import killed
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from sklearn.decomposition import PCA
+
+import auroraqd
+from auroraqd import checkpoints, storage
+
+TASK = auroraqd.tasks.Ballistic()
+CLI = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
+
+
+def make(descriptor="pca", seed=1, **options):
+    return auroraqd.Aurora(2, PCA(2) if descriptor == "pca" else descriptor, seed=seed, batch_size=50, **options)
+
+
+def run(*arguments):
+    command = [sys.executable, "-W", "error", killed.__file__, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode in (0, -signal.SIGKILL), done.stderr
+    return done.returncode == 0
+
+
+def without_times(folder):
+    """All files of a run folder that say what was found."""
+    history = [line.rpartition(",")[0] for line in (folder / "history.csv").read_text().splitlines()]
+    return (folder / "repertoire.safetensors").read_bytes(), history, json.loads((folder / "config.json").read_text())
+
+
+MOMENTS = {
+    "pca": [
+        "syncing:1",
+        "moving:2",
+        "asked:7",
+        "told:3",
+        "after:0.05",
+        "syncing:8",
+        "moving:7",
+        "after:0.3",
+        "told:20",
+        "moving:11",
+    ],
+    "autoencoder": ["training:1", "training:3", "syncing:5", "asked:3", "after:1.5", "training:2", "after:3", "told:2"],
+    "genotype": ["after:0.02", "moving:5", "asked:30"],
+}
+
+
+@pytest.mark.parametrize("descriptor", MOMENTS)
+def test_killed_and_gone_on_with_it_is_the_same_run(descriptor, tmp_path):
+    generations = 120 if descriptor != "autoencoder" else 60
+    assert run(tmp_path / "alone", descriptor, generations, "never")
+    kills = 0
+    for moment in MOMENTS[descriptor]:
+        kills += not run(tmp_path / "killed", descriptor, generations, moment)
+    assert kills >= len(MOMENTS[descriptor]) - 2  # some may come too late
+    assert run(tmp_path / "killed", descriptor, generations, "never")
+    assert without_times(tmp_path / "killed") == without_times(tmp_path / "alone")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"archive": lambda: auroraqd.GridArchive((30, 30), low=0, high=1), "descriptor": "genotype"},
+        {"archive": lambda: auroraqd.CVTArchive(np.random.default_rng(0).random((200, 2))), "descriptor": "genotype"},
+        {
+            "archive": lambda: auroraqd.UnstructuredArchive(competition="elitist", capacity=500, epsilon=0.2),
+            "descriptor": "pca",
+        },
+        {"variation": auroraqd.IsoLine, "selection": auroraqd.Uniform, "descriptor": "hand-coded"},
+        {"schedule": lambda: auroraqd.Every(7), "resolution": lambda: auroraqd.Fixed(0.05), "descriptor": "pca"},
+        {"descriptor": "observation", "prior": TASK.bounds, "archive": lambda: auroraqd.CVTArchive(np.eye(100))},
+    ],
+    ids=lambda options: "-".join(options),
+)
+@pytest.mark.filterwarnings("ignore:the archive is full")
+def test_resumed_after_any_generation_it_is_the_same_run(options, tmp_path):
+    def begun():
+        return make(**{name: value if isinstance(value, str) else value() for name, value in options.items()})
+
+    auroraqd.save(begun().run(TASK, generations=64), tmp_path / "alone")
+    aurora = begun()
+    for generations in (1, 2, 40, 11, 10):
+        aurora.run(TASK, generations=generations)
+        aurora = auroraqd.resume(auroraqd.save(aurora, tmp_path / "resumed"))
+    auroraqd.save(aurora, tmp_path / "resumed")
+    assert without_times(tmp_path / "resumed") == without_times(tmp_path / "alone")
+    assert aurora.history.last.seconds > 0
+
+
+def test_before_the_first_fit_and_between_ask_and_tell(tmp_path):
+    """Individuals that wait for a first fit, an update that is due, and a batch that was asked for: all come back."""
+
+    def sparse(genotypes):
+        fitness, observation, truth = TASK(genotypes)
+        return np.where(np.arange(len(fitness)) == 0, fitness, np.nan), observation, truth
+
+    alone, aurora = make(), make()
+    alone.run(sparse, generations=9)
+    for _ in range(9):
+        aurora.ask()
+        aurora = auroraqd.resume(auroraqd.save(aurora, tmp_path / "asked"))
+        aurora.tell(*sparse(aurora.pending))
+        aurora = auroraqd.resume(auroraqd.save(aurora, tmp_path / "told"))
+    assert len(alone.archive) == len(aurora.archive) > 5
+    assert alone.history.column("size")[0] == 0  # they waited
+    assert_array_equal(aurora.archive.genotype, alone.archive.genotype)
+    assert_array_equal(aurora.ask(), alone.ask())
+
+
+def test_a_resumed_run_is_a_run_of_its_own(tmp_path):
+    aurora = make().run(TASK, generations=5)
+    one, other = (auroraqd.resume(auroraqd.save(aurora, tmp_path)) for _ in range(2))
+    one.run(TASK, generations=3)
+    assert (aurora.generation, one.generation, other.generation) == (5, 8, 5)
+    assert_array_equal(other.run(TASK, generations=3).archive.genotype, one.archive.genotype)
+    assert repr(one.history.records[:5]) == repr(aurora.history.records)
+
+
+class Slow:
+    """A schedule of the user's own."""
+
+    def __call__(self, generation):
+        return generation == 0
+
+
+def test_parts_of_ones_own_are_given_again(tmp_path):
+    auroraqd.save(make(schedule=Slow()).run(TASK, generations=3), tmp_path)
+    with pytest.raises(
+        ValueError, match=r"schedule was .*Slow.*which is not of auroraqd: give it again, resume\(\.\.\., schedule="
+    ):
+        auroraqd.resume(tmp_path)
+    aurora = auroraqd.resume(tmp_path, schedule=Slow()).run(TASK, generations=60)
+    assert_array_equal(aurora.archive.genotype, make(schedule=Slow()).run(TASK, generations=63).archive.genotype)
+    with pytest.raises(TypeError, match=r"resume takes a selection, .* not shedule"):
+        auroraqd.resume(tmp_path, shedule=Slow())
+
+
+class Corner:
+    """A transformer of the user's own."""
+
+    def fit(self, x):
+        self.low = x.min(axis=0)
+        return self
+
+    def transform(self, x):
+        return (x - self.low)[:, -2:]
+
+
+class Unsavable(Corner):
+    def __reduce__(self):
+        raise TypeError("it holds a camera")
+
+    def __deepcopy__(self, memo):
+        return self
+
+
+def test_a_transformer_of_ones_own(tmp_path):
+    aurora = auroraqd.Aurora(2, Corner(), seed=0, batch_size=50)
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0) as saved:
+        aurora.run(TASK, generations=3, callback=saved)
+    with pytest.raises(ValueError, match=r"cannot go on: the descriptor needs types that are not trusted"):
+        auroraqd.resume(tmp_path)
+    assert auroraqd.resume(tmp_path, trusted=["test_checkpoints.Corner"]).generation == 3
+
+
+def test_a_descriptor_that_cannot_be_saved_is_refused_at_the_start(tmp_path):
+    aurora = auroraqd.Aurora(2, Unsavable(), seed=0)
+    with pytest.raises(ValueError, match="descriptor must be one that can be saved, and Unsavable cannot"):
+        auroraqd.Checkpoints(aurora, tmp_path / "run").__enter__()
+    assert not (tmp_path / "run").exists()
+
+
+def test_when_it_is_saved(tmp_path, monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr(checkpoints.time, "monotonic", lambda: clock[0])
+    written = []
+    real = storage.write
+
+    def write(aurora, *arguments, **options):
+        written.append((clock[0], aurora.generation))
+        clock[0] += 0.5  # so long it takes
+        return real(aurora, *arguments, **options)
+
+    monkeypatch.setattr(storage, "write", write)
+
+    def callback(aurora):
+        clock[0] += 5
+        saved(aurora)
+
+    aurora = make("genotype")
+    with auroraqd.Checkpoints(aurora, tmp_path, every=10.0) as saved:
+        aurora.run(TASK, generations=13, callback=callback)
+        assert not saved.saved
+    assert saved.saved
+    # The first at once; the next when checkpoints have taken 2% of the time; and the end.
+    assert [generation for _, generation in written] == [1, 6, 11, 13]
+    with auroraqd.Checkpoints(aurora, tmp_path):
+        pass
+    assert len(written) == 5  # what is there is not known to be the same
+
+
+def test_the_last_two_are_kept_and_the_one_before_steps_in(tmp_path):
+    aurora = make()
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0) as saved:
+        aurora.run(TASK, generations=4, callback=saved)
+    path = tmp_path / "repertoire.safetensors"
+    content = path.read_bytes()
+    assert auroraqd.resume(tmp_path).generation == 4
+    rng = np.random.default_rng(0)
+    header = 8 + int.from_bytes(content[:8], "little")
+    for position in [
+        0,
+        3,
+        9,
+        header - 1,
+        *rng.integers(8, header, 15),
+        *rng.integers(header, len(content), 15),
+        len(content) - 1,
+    ]:
+        flipped = bytearray(content)
+        flipped[position] ^= 1 << int(rng.integers(8))
+        path.write_bytes(flipped)
+        with pytest.warns(UserWarning, match="the checkpoint before it is taken"):
+            assert auroraqd.resume(tmp_path).generation == 3
+    for keep in (0, 7, 100, header, len(content) - 1):
+        path.write_bytes(content[:keep])
+        with pytest.warns(UserWarning, match=r"repertoire\.safetensors is damaged: .*; the checkpoint before it is taken"):
+            assert len(auroraqd.load(tmp_path)) > 0
+    path.unlink()
+    with pytest.warns(UserWarning, match="the checkpoint before it is taken"):
+        auroraqd.resume(tmp_path)
+    (tmp_path / "repertoire.previous.safetensors").write_bytes(content[:100])
+    path.write_bytes(content[:-1])
+    with pytest.raises(ValueError, match=r"repertoire\.safetensors is damaged"):
+        auroraqd.resume(tmp_path)
+
+
+def test_a_damaged_checkpoint_never_takes_the_place_of_a_whole_one(tmp_path, monkeypatch):
+    aurora = make()
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0) as saved:
+        aurora.run(TASK, generations=4, callback=saved)
+    path = tmp_path / "repertoire.safetensors"
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.warns(UserWarning, match="the checkpoint before it is taken"):
+        aurora = auroraqd.resume(tmp_path)
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0) as saved:
+        assert auroraqd.resume(tmp_path).generation == 3  # without a warning
+        aurora.run(TASK, generations=1, callback=saved)
+        path.write_bytes(b"")
+        with pytest.warns(UserWarning, match="the checkpoint before it is taken"):
+            assert auroraqd.resume(tmp_path).generation == 3
+
+
+def test_an_empty_run_in_a_folder(tmp_path):
+    """Nothing was found: nothing is left but a lock."""
+    with auroraqd.Checkpoints(make(), tmp_path / "run"):
+        assert storage.load_config(tmp_path / "run")["seed"] == 1
+    assert [path.name for path in (tmp_path / "run").iterdir()] == [".lock"]
+
+
+def test_another_run_is_not_overwritten(tmp_path):
+    auroraqd.save(make().run(TASK, generations=5), tmp_path)
+    before = (tmp_path / "repertoire.safetensors").read_bytes()
+    for other in (make(seed=2), make("genotype"), make(variation=auroraqd.IsoLine())):
+        with pytest.raises(ValueError, match="holds another run: choose another folder, or resume"):
+            auroraqd.Checkpoints(other, tmp_path).__enter__()
+    with pytest.raises(ValueError, match="holds this run at generation 5, and it is at 0: choose another"):
+        auroraqd.Checkpoints(make(), tmp_path).__enter__()
+    assert (tmp_path / "repertoire.safetensors").read_bytes() == before
+    other = make(seed=2)
+    with auroraqd.Checkpoints(other, tmp_path, overwrite=True) as saved:
+        assert (tmp_path / "repertoire.safetensors").read_bytes() == before  # while nothing is found
+        other.run(TASK, generations=1, callback=saved)
+        assert not (tmp_path / "repertoire.previous.safetensors").exists()
+    assert auroraqd.resume(tmp_path).seed == 2
+
+
+def test_two_at_once_in_a_folder(tmp_path):
+    first, second = make(), make()
+    with auroraqd.Checkpoints(first, tmp_path):
+        with pytest.raises(BlockingIOError, match="is in use: another process has a run there"):
+            auroraqd.Checkpoints(second, tmp_path).__enter__()
+        done = subprocess.run(
+            [*CLI, "run", "ballistic", "-n", "2", "--out", tmp_path, "--overwrite"], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 1
+        assert "is in use: another process has a run there" in " ".join(done.stderr.split())
+        assert "Traceback" not in done.stderr
+    with auroraqd.Checkpoints(second, tmp_path):
+        pass
+
+
+def test_a_disk_that_is_full_for_a_while(tmp_path, monkeypatch):
+    aurora, said, real = make(), [], storage.write
+
+    def full(*arguments, **options):
+        raise OSError(28, "no space left on device")
+
+    def callback(aurora):
+        monkeypatch.setattr(storage, "write", full if 2 <= aurora.generation <= 3 else real)
+        saved(aurora)
+
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0, report=said.append) as saved:
+        aurora.run(TASK, generations=5, callback=callback)
+    assert said == [f"no checkpoint at generation {g}: [Errno 28] no space left on device" for g in (2, 3)]
+    assert auroraqd.resume(tmp_path).generation == 5
+    with (
+        pytest.raises(OSError, match="no space"),
+        auroraqd.Checkpoints(aurora, tmp_path, every=0) as saved,
+        pytest.warns(UserWarning, match="no checkpoint at generation"),
+    ):
+        aurora.run(TASK, generations=1, callback=lambda aurora: (monkeypatch.setattr(storage, "write", full), saved())[1])
+    assert auroraqd.resume(tmp_path).generation == 5
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    place = tmp_path / "disk"
+    place.mkdir()
+    if shutil.which("mount") is None or os.geteuid() != 0:
+        pytest.skip("only root can mount a small disk")
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", place], capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        pytest.skip(f"no small disk here: {done.stderr}")
+    yield place
+    subprocess.run(["umount", place], check=True)
+
+
+def test_a_disk_that_is_full(small_disk):
+    aurora, said = make(), []
+    with (
+        pytest.raises(OSError, match=r"repertoire\.safetensors could not be written: No space left"),
+        auroraqd.Checkpoints(aurora, small_disk / "run", every=0, report=said.append) as saved,
+    ):
+        aurora.run(TASK, generations=100, callback=saved)
+    assert said
+    assert aurora.generation == 100
+    found = auroraqd.resume(small_disk / "run")
+    assert 0 < found.generation < 100
+    assert not list((small_disk / "run").glob("*.tmp"))
+
+
+def test_another_machine_or_version(tmp_path):
+    auroraqd.save(make().run(TASK, generations=2), tmp_path)
+    config = json.loads((tmp_path / "config.json").read_text())
+    config["environment"].update(machine="riscv128", numpy="1.0")
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    with pytest.raises(
+        ValueError, match=rf"another environment, numpy 1\.0 and not {np.__version__}, machine riscv128 and not"
+    ):
+        auroraqd.resume(tmp_path)
+    assert auroraqd.resume(tmp_path, any_environment=True).generation == 2
+
+
+def test_a_history_that_is_damaged_costs_only_times(tmp_path):
+    auroraqd.save(make().run(TASK, generations=4), tmp_path)
+    (tmp_path / "history.csv").write_text("generation\nx\n")
+    with pytest.warns(UserWarning, match="the times of the generations so far are lost"):
+        aurora = auroraqd.resume(tmp_path)
+    assert aurora.history.column("size").tolist() == make().run(TASK, generations=4).history.column("size").tolist()
+    assert aurora.run(TASK, generations=1).history.last.seconds > 0
+
+
+@pytest.mark.parametrize("damage", [{"settings": None}, {"random": {}}, {"archive": {}}, {"seed": None}, {}])
+def test_a_checkpoint_that_lacks_something(tmp_path, damage):
+    """Whole, but not what it should be."""
+    aurora = make().run(TASK, generations=2)
+    auroraqd.save(aurora, tmp_path)
+    arrays, kind = storage._tensors.read(tmp_path / "repertoire.safetensors", storage._FORMAT)
+    values = json.loads(arrays["state.json"].tobytes())
+    values = {**values, **damage} if damage else {}
+    values = {name: value for name, value in values.items() if value is not None}
+    arrays["state.json"] = np.frombuffer(json.dumps(values).encode(), np.uint8)
+    storage._tensors.write(tmp_path / "repertoire.safetensors", arrays, storage._FORMAT, kind)
+    with pytest.raises(ValueError, match=r"does not hold what a run needs to go on|cannot go on: "):
+        auroraqd.resume(tmp_path)
+    assert len(auroraqd.load(tmp_path)) == len(aurora.archive)
+
+
+def command(*arguments, code=0):
+    done = subprocess.run([*CLI, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return " ".join((done.stderr if code else done.stdout + done.stderr).split())
+
+
+def test_command_goes_on_and_further(tmp_path):
+    command("run", "ballistic", "-n", 60, "--no-figures", "--out", tmp_path / "alone")
+    out = tmp_path / "extended"
+    command("run", "ballistic", "-n", 20, "--out", out)
+    assert "is at its end, generation 20 of 20: --generations with a larger number" in command("resume", out, code=1)
+    assert "60 generations" in command("resume", out, "-n", 60, "--no-figures")
+    assert without_times(out) == without_times(tmp_path / "alone")
+    assert list((out / "figures").iterdir()) == []  # they showed generation 20
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_command_that_was_ended_goes_on(tmp_path, end):
+    arguments = ["run", "ballistic", "-n", 1500, "--batch-size", 100, "--no-figures", "--out", tmp_path / "ended"]
+    process = subprocess.Popen([*CLI, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 120
+    while not (tmp_path / "ended" / "repertoire.safetensors").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(end)
+    process.communicate(timeout=60)
+    assert process.returncode == (-signal.SIGKILL if end == signal.SIGKILL else 130)
+    assert auroraqd.resume(tmp_path / "ended").generation < 1500
+    command("resume", tmp_path / "ended", "--no-figures")
+    command(*arguments[:-1], tmp_path / "alone")
+    assert without_times(tmp_path / "ended") == without_times(tmp_path / "alone")
+
+
+def test_command_that_was_killed_before_its_first_checkpoint(tmp_path):
+    command("run", "ballistic", "-n", 5, "--no-figures", "--out", tmp_path / "alone")
+    (tmp_path / "killed").mkdir()
+    shutil.copy(tmp_path / "alone" / "config.json", tmp_path / "killed")
+    command("resume", tmp_path / "killed", "--no-figures")
+    assert without_times(tmp_path / "killed") == without_times(tmp_path / "alone")
+
+
+def test_mistakes_get_a_sentence(tmp_path):
+    out = tmp_path / "run"
+    assert f"there is no folder {out}" in command("resume", out, code=1)
+    out.mkdir()
+    assert "is no run folder: there is no config.json in it" in command("resume", out, code=1)
+    auroraqd.save(make().run(TASK, generations=3), out)
+    assert "was saved from Python" in command("resume", out, code=1)
+    command("run", "ballistic", "-n", 6, "--no-figures", "--out", tmp_path / "cli")
+    config = json.loads((tmp_path / "cli" / "config.json").read_text())
+    (tmp_path / "cli" / "config.json").write_text(json.dumps({**config, "seed": 7, "generations": 9}))
+    assert "config.json has been changed, seed 7 and not 0: the run cannot go on" in command("resume", tmp_path / "cli", code=1)
+    (tmp_path / "cli" / "config.json").write_text(json.dumps({**config, "environment": {"machine": "abacus"}}))
+    assert "--any-environment" in command("resume", tmp_path / "cli", "-n", 8, code=1)
+    command("resume", tmp_path / "cli", "-n", 8, "--any-environment", "--no-figures")
+    path = tmp_path / "cli" / "repertoire.safetensors"
+    path.write_bytes(path.read_bytes()[:-5])
+    said = command("resume", tmp_path / "cli", "-n", 10, "--no-figures")
+    assert "Warning:" in said
+    assert "the checkpoint before it is taken" in said
+
+
+def test_loading_while_it_runs(tmp_path):
+    aurora, sizes = make("genotype"), []
+
+    def callback(aurora):
+        saved(aurora)
+        sizes.append(len(auroraqd.load(tmp_path)) == len(aurora.archive))
+
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0) as saved, warnings.catch_warnings():
+        aurora.run(TASK, generations=5, callback=callback)
+    assert sizes == [True] * 5
+    assert Path(tmp_path / "history.csv").is_file()
