@@ -15,8 +15,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import ranksums
 
 import auroraqd
-from auroraqd import storage
-from auroraqd.experiments import runner, settings
+from auroraqd import _workers, storage
+from auroraqd.experiments import settings
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
 from auroraqd.experiments.runner import execute, plan
@@ -367,7 +367,7 @@ def test_who_ran_beside_it_is_innocent(tmp_path):
 def test_workers_keep_to_one_thread_and_the_environment_is_restored(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     monkeypatch.delenv("XLA_FLAGS", raising=False)
-    with runner._one_thread():
+    with _workers.one_thread():
         assert os.environ["OMP_NUM_THREADS"] == os.environ["NUMBA_NUM_THREADS"] == "1"
         assert "multi_thread_eigen=false" in os.environ["XLA_FLAGS"]
     assert os.environ["OMP_NUM_THREADS"] == "7"

@@ -38,7 +38,7 @@ _HOME = {
     "save": "storage",
     "tessellate": "cvt",
 }
-_MODULES = ("metrics", "tasks")
+_MODULES = ("evaluate", "metrics", "tasks")
 
 __all__ = [
     "VAT",
@@ -62,6 +62,7 @@ __all__ = [
     "TaskError",
     "Uniform",
     "UnstructuredArchive",
+    "evaluate",
     "load",
     "metrics",
     "resume",
@@ -71,7 +72,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from auroraqd import metrics, tasks
+    from auroraqd import evaluate, metrics, tasks
     from auroraqd.archive import Archive, UnstructuredArchive
     from auroraqd.aurora import Aurora
     from auroraqd.autoencoder import AutoEncoder

@@ -1,7 +1,6 @@
 """The command line. Heavy imports are inside the commands: `auroraqd --help` must answer at once."""
 
 import copy
-import os
 import signal
 import sys
 import warnings
@@ -253,6 +252,7 @@ def reproduce(
 
     Runs that are done are skipped, so it can be interrupted and called again. Example: auroraqd reproduce ballistic --quick
     """
+    from auroraqd._workers import cores
     from auroraqd.experiments.variants import EXPERIMENTS
 
     if task not in EXPERIMENTS:
@@ -276,13 +276,9 @@ def reproduce(
         [name for name in known if name in names],
         replications,
         generations,
-        jobs or _cores(),
+        jobs or len(cores()),
         out or Path("runs") / f"reproduce-{task}{'-quick' * quick}",
     )
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _reproduce(

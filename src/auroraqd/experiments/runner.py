@@ -12,17 +12,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing.connection import wait as wait_for_end
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from auroraqd._workers import cores, one_thread, settle
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, replicate
 from auroraqd.experiments.settings import Settings
 from auroraqd.experiments.variants import Experiment
 from auroraqd.storage import load
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")
 _REPORT = 0.5  # s between two reports of a worker
 
 
@@ -200,12 +199,11 @@ def _relay(reports: Any, listener: Listener) -> None:
 
 @contextmanager
 def _pool(workers: int, context: Any, reports: Any) -> Iterator[ProcessPoolExecutor]:
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-    places = context.Queue()
+    places, there = context.Queue(), cores()
     for i in range(workers):
-        places.put(cores[i % len(cores)] if cores else None)
+        places.put(there[i % len(there)])
     before = set(multiprocessing.active_children())
-    with _one_thread():
+    with one_thread():
         pool = ProcessPoolExecutor(workers, context, initializer=_start, initargs=(places, reports))
         try:
             yield pool
@@ -217,44 +215,15 @@ def _pool(workers: int, context: Any, reports: Any) -> Iterator[ProcessPoolExecu
         pool.shutdown()
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """An environment in which the libraries of new processes keep to one thread."""
-    wanted = {
-        **dict.fromkeys(_THREADS, "1"),
-        "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false",
-    }
-    before = {name: os.environ.get(name) for name in wanted}
-    os.environ.update(wanted)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
-
-
 _reports: Any = None
 
 
 def _start(places: Any, reports: Any) -> None:
     """Set a worker up."""
-    import signal
-
     global _reports
     _reports = reports
     reports.cancel_join_thread()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent decides
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    core = places.get()
-    if core is not None:
-        os.sched_setaffinity(0, {core})  # which is also how many threads XLA starts
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    wait_for_end([parent.sentinel])
-    os._exit(1)
+    settle(places.get())
 
 
 def _work(job: Job) -> tuple[Result, list[Point]]:

@@ -1,0 +1,514 @@
+"""A task into a task: one that many workers evaluate, processes or a cluster, with the same results.
+
+    with auroraqd.evaluate.over(auroraqd.evaluate.processes(8), my_robot, timeout=60) as task:
+        aurora.run(task, generations=500)
+
+What goes wrong in a worker does not end the run. A chunk of individuals whose evaluation raises, takes too long, or kills its
+worker is tried again, then cut in two until it is known which individual it was: that one is invalid, its fitness NaN.
+"""
+
+import logging
+import math
+import multiprocessing
+import pickle
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import suppress
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auroraqd._checks import number, whole
+from auroraqd._workers import cores, one_thread, settle
+from auroraqd.tasks import Evaluation, checked, name_of
+
+_SHORTEST, _LONGEST = 0.01, 0.2  # s, that a chunk should take: far more than to send it, far less than a generation
+_START = 120.0  # s, that workers may take to start
+_CONNECT = 10.0  # s, for a scheduler to answer
+_SLOWER = 4.0  # a chunk may take this many times as long as others, and a time limit more
+_HOPELESS = 32  # individuals that fail, and none that does not, are not the individuals' fault
+_STILLBORN = 3  # likewise executors that break before they have evaluated anything
+_log = logging.getLogger("auroraqd")
+
+
+def processes(workers: int | None = None) -> Callable[[], Executor]:
+    """A factory of process pools for `over`, on this machine: spawned, one thread each, gone with their parent.
+
+    Args:
+        workers: how many; by default one for each core that this process may use.
+    """
+    workers = len(cores()) if workers is None else whole("workers", workers)
+    return partial(_ProcessPool, workers)
+
+
+def dask(client: Any) -> Callable[[], Executor]:
+    """A factory for `over` of executors on a Dask cluster: local, SSH, Slurm, Kubernetes, ... Needs the extra `cluster`.
+
+    Args:
+        client: a `distributed.Client`, or the address of a scheduler, like "tcp://node1:8786".
+
+    Raises:
+        ValueError: the extra is not installed, or there is no scheduler there.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError('Dask is not installed: pip install "auroraqd[cluster]"') from None
+    if isinstance(client, str):
+        address = client
+        try:
+            client = Client(address, timeout=_CONNECT, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise ValueError(f"there is no Dask scheduler at {address}: {error}") from None
+    return partial(_DaskExecutor, client)
+
+
+def over(
+    executor: Callable[[], Executor],
+    task: Callable[[np.ndarray], Any],
+    *,
+    chunk: int | None = None,
+    timeout: float | None = None,
+    retries: int = 1,
+    workers: int | None = None,
+) -> "Spread":
+    """A task whose individuals are evaluated by the workers of an executor.
+
+    The result is that of the task, in order, however many workers there are and whichever of them does what, if the rows of
+    the task do not depend on each other. A task made of matrix products is one whose last bits may: give it a `chunk`.
+
+    Args:
+        executor: makes a `concurrent.futures` executor, when it is called: `processes(8)`, `dask(client)`, or for instance
+            `lambda: mpi4py.futures.MPIPoolExecutor()`. Called again when the one before is broken.
+        task: from genotypes (n, n_genes) to fitness, observation and, if known, ground truth; one that can be pickled, which
+            is one that its module defines at the top.
+        chunk: individuals that are sent at once. None: ever fewer towards the end of a batch, at most 0.2 s of work.
+        timeout: seconds that an individual may take. None: no limit. A worker that takes longer is ended, where the executor
+            is `processes` or `dask`; of others it is left behind with a new executor.
+        retries: how often a chunk that fails is tried again before it is cut in two.
+        workers: of the executor, if it does not say itself.
+
+    Raises:
+        TypeError, ValueError: an argument is of the wrong kind or out of range.
+    """
+    if isinstance(executor, Executor) or not callable(executor):
+        raise TypeError(
+            f"executor must be a function that makes an executor, so that a broken one is replaced, got {executor!r}"
+        )
+    if not callable(task):
+        raise TypeError(f"task must be callable, got {task!r}")
+    try:
+        content = pickle.dumps(task)
+    except Exception as error:
+        raise ValueError(f"task {name_of(task)} cannot be sent to workers: {error}. Define it at the top of a module") from None
+    return Spread(
+        executor,
+        task,
+        content,
+        chunk=None if chunk is None else whole("chunk", chunk),
+        timeout=None if timeout is None else number("timeout", timeout),
+        retries=whole("retries", retries, least=0),
+        workers=None if workers is None else whole("workers", workers),
+    )
+
+
+class _Piece(NamedTuple):
+    """Individuals that are evaluated together."""
+
+    start: int
+    stop: int
+    failures: int = 0  # how often they have failed
+
+    @property
+    def size(self) -> int:
+        return self.stop - self.start
+
+    def halves(self) -> list["_Piece"]:
+        middle = (self.start + self.stop) // 2
+        return [self._replace(stop=middle), self._replace(start=middle)]
+
+
+class Spread:
+    """What `over` returns: a task. In a `with` block, or by `close`, its workers end.
+
+    Attributes:
+        failed: individuals that were made invalid because their evaluation kept failing.
+    """
+
+    def __init__(
+        self,
+        factory: Callable[[], Executor],
+        task: Callable,
+        content: bytes,
+        *,
+        chunk: int | None,
+        timeout: float | None,
+        retries: int,
+        workers: int | None,
+    ) -> None:
+        self.__name__ = name_of(task)
+        self.task = task
+        self.failed = 0
+        self._factory, self._content = factory, content
+        self._chunk, self._timeout, self._retries, self._given_workers = chunk, timeout, retries, workers
+        self._executor: Executor | None = None
+        self._seconds: float | None = None  # that an individual takes
+        self._slow_start = _START  # of an executor that does not say when its workers are ready
+        self._stillborn = 0  # executors that broke before they had evaluated anything
+
+    def __getattr__(self, name: str) -> Any:
+        """What the task says about itself, `n_genes` for instance."""
+        if name.startswith("_") or name == "task":
+            raise AttributeError(name)
+        return getattr(self.task, name)
+
+    def __enter__(self) -> "Spread":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the workers. Called again, the task starts new ones."""
+        self._end_executor()
+
+    def __call__(self, genotypes: np.ndarray) -> Evaluation:
+        """The evaluation of genotypes, (n, n_genes).
+
+        Raises:
+            RuntimeError: nothing can be evaluated: the workers cannot load the task, die at once, or all individuals fail.
+            ValueError: the task returned something that is no evaluation.
+        """
+        genotypes = np.asarray(genotypes)
+        try:
+            batch = _Batch(self, genotypes)
+            while batch.unfinished:
+                batch.step()
+        except BaseException:  # an interrupt, too: nothing goes on behind the back of who called
+            self._end_executor()
+            raise
+        self.failed += len(batch.invalid)
+        return batch.evaluation()
+
+    @property
+    def _workers(self) -> int:
+        executor = self._started()
+        known = (self._given_workers, *(getattr(executor, name, None) for name in ("workers", "num_workers", "_max_workers")))
+        return next((count for count in known if count), len(cores()))
+
+    def _started(self) -> Executor:
+        if self._executor is None:
+            self._executor = self._factory()
+            if not isinstance(self._executor, Executor):
+                raise TypeError(f"executor must make a concurrent.futures executor, got {self._executor!r}")
+            if hasattr(self._executor, "prepare"):  # so that what it takes to start is not taken for a slow evaluation
+                self._executor.prepare(self._content, self.__name__)  # pyright: ignore[reportAttributeAccessIssue]
+                self._slow_start = 0.0
+        return self._executor
+
+    def _end_executor(self) -> None:
+        """End the workers, also those that hang; the next use starts new ones."""
+        executor, self._executor = self._executor, None
+        if executor is not None:
+            with suppress(Exception):  # of one that is broken
+                getattr(executor, "kill", lambda: None)()
+                executor.shutdown(wait=False, cancel_futures=True)
+
+    def _size(self, left: int, workers: int) -> int:
+        """Individuals for the next chunk, of those left."""
+        if self._chunk is not None:
+            return min(self._chunk, left)
+        if self._seconds is None:  # the first ones say how long it takes
+            return 1
+        share = math.ceil(left / workers)
+        fewest, most = (min(int(seconds / max(self._seconds, 1e-9)), share) for seconds in (_SHORTEST, _LONGEST))
+        return max(fewest, min(most, share // 2), 1)
+
+    def _deadline(self, piece: _Piece) -> float:
+        if self._timeout is None:
+            return math.inf
+        expected = self._timeout * (piece.size - 1) if self._seconds is None else _SLOWER * self._seconds * piece.size
+        return time.monotonic() + self._timeout + expected + (self._slow_start if self._seconds is None else 0)
+
+
+class _Batch:
+    """The evaluation of one batch by the workers, one step at a time."""
+
+    def __init__(self, spread: Spread, genotypes: np.ndarray):
+        self._spread = spread
+        self._genotypes = genotypes
+        self._next = 0  # the first row that has not been sent
+        self._again: deque[_Piece] = deque()
+        self._suspects: deque[_Piece] = deque()  # one of them broke the executor: they are tried one at a time
+        self._running: dict[Future, tuple[_Piece, float]] = {}
+        self._alone = False
+        self._done: list[tuple[_Piece, Evaluation]] = []
+        self.invalid: dict[int, str] = {}  # row to the reason
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether there is anything left to do."""
+        return bool(self._next < len(self._genotypes) or self._again or self._suspects or self._running)
+
+    def step(self) -> None:
+        """Send what there are workers for, then wait for one of them."""
+        if not self._send():
+            return
+        least = min(deadline for _, deadline in self._running.values())
+        patience = None if least == math.inf else max(least - time.monotonic(), 0)
+        for future in wait(self._running, timeout=patience, return_when=FIRST_COMPLETED).done:
+            if future in self._running and not self._took(future):
+                return
+        now = time.monotonic()
+        late = [future for future, (_, deadline) in self._running.items() if deadline <= now and not future.done()]
+        if late:
+            self._hung(late)
+
+    def _send(self) -> bool:
+        """Whether all workers have something to do, as far as there is any."""
+        spread = self._spread
+        try:
+            workers = 1 if self._suspects or self._alone else spread._workers
+            while len(self._running) < workers and (piece := self._following(workers)) is not None:
+                rows = self._genotypes[piece.start : piece.stop]
+                try:
+                    future = spread._started().submit(_evaluate, spread._content, spread.__name__, rows)
+                except BaseException:
+                    (self._suspects if self._alone else self._again).appendleft(piece)
+                    raise
+                self._running[future] = piece, spread._deadline(piece)
+        except BrokenExecutor as error:
+            self._broke(error)
+            return False
+        return True
+
+    def _following(self, workers: int) -> _Piece | None:
+        self._alone = bool(self._suspects)
+        if self._alone:
+            return None if self._running else self._suspects.popleft()
+        if self._again:
+            return self._again.popleft()
+        left = len(self._genotypes) - self._next
+        if left == 0:
+            return None
+        piece = _Piece(self._next, self._next + self._spread._size(left, workers))
+        self._next = piece.stop
+        return piece
+
+    def _took(self, future: Future) -> bool:
+        """Take a result; False when the executor is broken, and what was under way with it."""
+        try:
+            found = future.result()
+        except BrokenExecutor as error:
+            self._broke(error)
+            return False
+        except (Exception, CancelledError) as error:
+            piece, _ = self._running.pop(future)
+            self._failed(piece, f"{type(error).__name__}: {error}")
+            return True
+        piece, _ = self._running.pop(future)
+        if isinstance(found, _Refused):
+            raise found.error(found.text)
+        evaluation, seconds = found
+        spread = self._spread
+        spread._stillborn = 0
+        measured = seconds / piece.size
+        spread._seconds = measured if spread._seconds is None else 0.7 * spread._seconds + 0.3 * measured
+        self._done.append((piece, evaluation))
+        return True
+
+    def _broke(self, error: BaseException) -> None:
+        """A worker has died, and taken the executor with it: start another. Whose fault it was shows when they are alone."""
+        spread, pieces = self._spread, [piece for piece, _ in self._running.values()]
+        self._running.clear()
+        spread._end_executor()
+        if not self._done and spread._seconds is None:
+            spread._stillborn += 1
+            if spread._stillborn >= _STILLBORN:
+                spread._stillborn = 0
+                raise RuntimeError(
+                    f"the workers died before they had evaluated anything, {_STILLBORN} times ({error}). A script that starts "
+                    'processes must do so under `if __name__ == "__main__":`'
+                ) from error
+        if self._alone:
+            self._alone = False
+            for piece in pieces:
+                self._failed(piece, "its worker died", suspect=True)
+        else:
+            self._suspects.extend(pieces)
+
+    def _hung(self, late: Sequence[Future]) -> None:
+        """Workers take too long: end them all, for one alone cannot be ended; those that did not begin again."""
+        for future, (piece, _) in self._running.items():
+            if future in late:
+                self._failed(piece, f"it took longer than {self._spread._timeout:g} s", suspect=self._alone)
+            else:
+                self._again.appendleft(piece)
+        self._running.clear()
+        self._spread._end_executor()
+
+    def _failed(self, piece: _Piece, reason: str, *, suspect: bool = False) -> None:
+        """Try again, in two halves if that has been tried, or give an individual up."""
+        queue = self._suspects if suspect else self._again
+        if piece.failures < self._spread._retries:
+            queue.append(piece._replace(failures=piece.failures + 1))
+        elif piece.size > 1:
+            queue.extend(piece.halves())
+        else:
+            self.invalid[piece.start] = reason
+            if not self._done and len(self.invalid) >= min(_HOPELESS, len(self._genotypes)):
+                raise RuntimeError(f"all of {len(self.invalid)} individuals failed, the last: {reason}")
+
+    def evaluation(self) -> Evaluation:
+        """Of all, in order; rows of those that failed are invalid."""
+        if not self._done:  # an empty batch
+            return Evaluation(np.empty(0), np.empty((0, 1)))
+        n, first = len(self._genotypes), self._done[0][1]
+        columns = [None if column is None else _blank(n, column) for column in first]
+        for piece, evaluation in self._done:
+            for column, rows in zip(columns, evaluation, strict=True):
+                if (column is None) != (rows is None) or (column is not None and column.shape[1:] != rows.shape[1:]):
+                    raise ValueError("evaluations of different workers must have one shape, and ground truth always or never")
+                if column is not None:
+                    column[piece.start : piece.stop] = rows
+        if self.invalid:
+            row, reason = next(iter(self.invalid.items()))
+            _log.warning(
+                "%s: %d of %d individuals could not be evaluated and are invalid; one of them: %s",
+                self._spread.__name__,
+                len(self.invalid),
+                n,
+                f"genotype {self._genotypes[row].tolist()}, {reason}",
+            )
+        return Evaluation(*columns)
+
+
+def _blank(n: int, like: np.ndarray) -> np.ndarray:
+    """n rows of NaN, or of zeros where there is no NaN."""
+    return np.full((n, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype)
+
+
+class _Refused(NamedTuple):
+    """What a worker answers when it is of no use to try again."""
+
+    error: type[Exception]
+    text: str
+
+
+_loaded: tuple[bytes, Any] | None = None  # in a worker: the last task
+_together: Any = None  # in a worker of ours: where all meet
+
+
+def _load(content: bytes, name: str) -> "_Refused | None":
+    """In a worker: make the task ready."""
+    global _loaded
+    if _loaded is None or _loaded[0] != content:
+        try:
+            _loaded = content, pickle.loads(content)  # sent by who runs this, in the same breath; not read from any file
+        except Exception as error:
+            return _Refused(RuntimeError, f"the workers cannot load the task {name}: {type(error).__name__}: {error}")
+    return None
+
+
+def _load_together(content: bytes, name: str) -> "_Refused | None":
+    """In a worker of ours: make the task ready, and wait until all have, so that each does it once."""
+    refused = _load(content, name)
+    _together.wait(_START)
+    return refused
+
+
+def _evaluate(content: bytes, name: str, genotypes: np.ndarray) -> "tuple[Evaluation, float] | _Refused":
+    """In a worker: evaluate, and say how long it took."""
+    refused = _load(content, name)
+    if refused is not None:
+        return refused
+    assert _loaded is not None
+    since = time.perf_counter()
+    result = _loaded[1](genotypes)
+    seconds = time.perf_counter() - since
+    if not isinstance(result, tuple) or len(result) not in (2, 3):
+        return _Refused(
+            ValueError, f"it must return fitness, observation and optionally ground truth, got {type(result).__name__}"
+        )
+    try:
+        evaluation = checked(Evaluation(*result), len(genotypes))
+    except ValueError as error:
+        return _Refused(ValueError, str(error))
+    columns: Any = (None if column is None else np.asarray(column) for column in evaluation)
+    return Evaluation(*columns), seconds
+
+
+def _check(refusals: "Sequence[_Refused | None]") -> None:
+    for refused in refusals:
+        if refused is not None:
+            raise refused.error(refused.text)
+
+
+class _ProcessPool(ProcessPoolExecutor):
+    """A pool whose processes start together, and can be ended."""
+
+    def __init__(self, workers: int):
+        self.workers = workers
+        context = multiprocessing.get_context("spawn")
+        super().__init__(workers, context, initializer=_begin, initargs=(context.Barrier(workers),))
+
+    def prepare(self, content: bytes, name: str) -> None:
+        """Wait until all workers are there and have the task."""
+        _check([future.result() for future in [self.submit(_load_together, content, name) for _ in range(self.workers)]])
+
+    def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
+        with one_thread():  # processes start when they are first needed
+            return super().submit(fn, *args, **kwargs)
+
+    def kill(self) -> None:
+        """End all processes, whatever they are doing."""
+        for process in list((self._processes or {}).values()):
+            process.kill()
+
+
+def _begin(barrier: Any) -> None:
+    global _together
+    _together = barrier
+    settle()
+
+
+class _DaskExecutor(Executor):
+    """An executor on a Dask cluster. The scheduler itself replaces workers that die."""
+
+    def __init__(self, client: Any):
+        self._client = client
+        self._inner = client.get_executor(pure=False)
+        self._futures: set[Future] = set()
+
+    def prepare(self, content: bytes, name: str) -> None:
+        """Make the task ready on all workers there are now."""
+        assert self.workers
+        found = self._client.run(_load, content, name)
+        _check([refused and refused._replace(text=f"{refused.text} (worker {worker})") for worker, refused in found.items()])
+
+    @property
+    def workers(self) -> int:
+        """Threads of all workers there are now; waits for the first."""
+        if not self._client.nthreads():
+            _log.warning("waiting for workers of the Dask cluster %s", self._client.scheduler.address)
+            self._client.wait_for_workers(1)
+        return sum(self._client.nthreads().values())
+
+    def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
+        future = self._inner.submit(fn, *args, **kwargs)
+        self._futures.add(future)
+        future.add_done_callback(self._futures.discard)
+        return future
+
+    def kill(self) -> None:
+        """Start those workers again that are busy with what was sent from here."""
+        if self._futures:
+            busy = [worker for worker, keys in self._client.processing().items() if keys]
+            if busy:
+                self._client.restart_workers(busy, raise_for_error=False)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._inner.shutdown(wait=wait)

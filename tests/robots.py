@@ -1,0 +1,93 @@
+"""Tasks for workers, some of which misbehave. What they do is decided by the first gene."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+
+GENES = 3
+
+
+def good(genotypes):
+    path = np.cumsum(np.stack([np.cos(6 * genotypes), np.sin(6 * genotypes)], axis=2), axis=1)
+    return -genotypes[:, 0], path, path[:, -1]
+
+
+def slow(genotypes):
+    time.sleep(0.002 * len(genotypes))
+    return good(genotypes)
+
+
+def bad(genotypes):
+    return genotypes[:, 0] > 0.9
+
+
+def raises(genotypes):
+    if bad(genotypes).any():
+        raise ArithmeticError("the solver did not converge")
+    return good(genotypes)
+
+
+def dies(genotypes):
+    if bad(genotypes).any():
+        os.kill(os.getpid(), signal.SIGKILL)
+    return good(genotypes)
+
+
+def hangs(genotypes):
+    if bad(genotypes).any():
+        time.sleep(1000)
+    return good(genotypes)
+
+
+def always_raises(genotypes):
+    raise ArithmeticError("no robot")
+
+
+def always_dies(genotypes):
+    os._exit(3)
+
+
+def wrong_shape(genotypes):
+    return np.zeros(len(genotypes) + 1), genotypes
+
+
+def no_tuple(genotypes):
+    return None
+
+
+def pictures(genotypes):
+    """Observations that have no NaN."""
+    return np.zeros(len(genotypes)), (255 * genotypes).astype(np.uint8)[..., None]
+
+
+class FailsOnce:
+    """Raises, or ends its worker, the first time."""
+
+    def __init__(self, mark, death=False):
+        self.mark, self.death = str(mark), death
+
+    def __call__(self, genotypes):
+        mark = Path(self.mark)
+        if bad(genotypes).any() and not mark.exists():
+            mark.touch()
+            if self.death:
+                os.kill(os.getpid(), signal.SIGKILL)
+            raise OSError("lost the connection")
+        return good(genotypes)
+
+
+class NotThere:
+    """Its module cannot be imported by a worker."""
+
+    def __call__(self, genotypes):
+        return good(genotypes)
+
+    def __reduce__(self):
+        return _from_nowhere, ()
+
+
+def _from_nowhere():
+    raise ImportError("No module named 'simulator'")

@@ -1,0 +1,243 @@
+import logging
+import pickle
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+import pytest
+import robots
+from numpy.testing import assert_array_equal
+from sklearn.decomposition import PCA
+
+import auroraqd
+from auroraqd import evaluate
+
+GENOTYPES = np.random.default_rng(0).random((60, robots.GENES))
+BAD = robots.bad(GENOTYPES)
+assert 3 <= BAD.sum() <= 10
+
+
+def check(evaluation, invalid=None):
+    """It is the evaluation of the good task, but for rows that are invalid."""
+    expected = robots.good(GENOTYPES)
+    valid = np.ones(len(GENOTYPES), bool) if invalid is None else ~invalid
+    assert_array_equal(np.isfinite(evaluation.fitness), valid)
+    for column, wanted in zip(evaluation, expected, strict=True):
+        assert_array_equal(column[valid], wanted[valid])
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """A Dask cluster of two processes."""
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+EXECUTORS = {
+    "one process": lambda client: evaluate.processes(1),
+    "two processes": lambda client: evaluate.processes(2),
+    "a pool of the standard library": lambda client: partial(ProcessPoolExecutor, 2),
+    "threads": lambda client: partial(ThreadPoolExecutor, 3),
+    "dask": lambda client: evaluate.dask(client()),
+}
+OURS = ("two processes", "dask")
+
+
+@pytest.fixture(params=EXECUTORS)
+def executor(request):
+    return EXECUTORS[request.param](lambda: request.getfixturevalue("cluster"))
+
+
+@pytest.fixture(params=OURS)
+def ours(request):
+    return EXECUTORS[request.param](lambda: request.getfixturevalue("cluster"))
+
+
+@pytest.mark.parametrize("options", [{}, {"chunk": 7}, {"workers": 1}])
+def test_results_are_in_order(executor, options):
+    with evaluate.over(executor, robots.slow, **options) as task:
+        for _ in range(2):
+            check(task(GENOTYPES))
+        assert task.failed == 0
+        assert len(task(GENOTYPES[:1]).fitness) == 1
+
+
+def test_a_run_is_the_same_however_many_workers(ours):
+    def found(task):
+        return auroraqd.Aurora(robots.GENES, PCA(2), seed=0, batch_size=30).run(task, generations=4).archive
+
+    alone = found(robots.good)
+    for factory in (evaluate.processes(1), ours):
+        with evaluate.over(factory, robots.good) as task:
+            assert_array_equal(found(task).genotype, alone.genotype)
+            assert_array_equal(found(task).ground_truth, alone.ground_truth)
+
+
+def test_who_raises_is_invalid(executor, caplog):
+    with evaluate.over(executor, robots.raises) as task:
+        check(task(GENOTYPES), BAD)
+        assert task.failed == BAD.sum()
+    message = caplog.records[-1].getMessage()
+    assert (
+        f"raises: {BAD.sum()} of 60 individuals could not be evaluated and are invalid; one of them: genotype [0.9" in message
+    )
+    assert "ArithmeticError: the solver did not converge" in message
+
+
+def test_who_kills_its_worker_is_invalid(ours):
+    few = np.concatenate([GENOTYPES[~BAD][:20], GENOTYPES[BAD][:1], GENOTYPES[~BAD][20:30]])
+    with evaluate.over(ours, robots.dies, chunk=8, retries=0) as task:
+        evaluation = task(few)
+    assert np.flatnonzero(np.isnan(evaluation.fitness)).tolist() == [20]
+    assert_array_equal(evaluation.observation[21:], robots.good(few)[1][21:])
+
+
+def test_who_hangs_is_invalid_and_does_not_hang_the_run(ours):
+    few = np.concatenate([GENOTYPES[~BAD][:9], GENOTYPES[BAD][:1], GENOTYPES[~BAD][9:14]])
+    since = time.monotonic()
+    with evaluate.over(ours, robots.hangs, timeout=0.5, retries=0) as task:
+        evaluation = task(few)
+        assert np.flatnonzero(np.isnan(evaluation.fitness)).tolist() == [9]
+        assert np.isfinite(task(few[:9]).fitness).all()
+    assert time.monotonic() - since < 100
+
+
+@pytest.mark.parametrize("death", [False, True])
+def test_what_fails_once_is_tried_again(ours, tmp_path, death):
+    with evaluate.over(ours, robots.FailsOnce(tmp_path / "mark", death)) as task:
+        check(task(GENOTYPES))
+        assert task.failed == 0
+    assert (tmp_path / "mark").exists()
+
+
+def test_a_worker_of_a_cluster_that_is_killed_midway(cluster):
+    """By somebody else, while it is at work."""
+    with evaluate.over(evaluate.dask(cluster), robots.slow, chunk=5) as task:
+        calls = []
+
+        def callback(aurora):
+            calls.append(aurora.generation)
+            if len(calls) == 2:
+                worker = next(iter(cluster.scheduler_info()["workers"]))
+                cluster.run(robots.os._exit, 1, workers=[worker], wait=False, nanny=False)
+
+        aurora = auroraqd.Aurora(robots.GENES, PCA(2), seed=0, batch_size=60).run(task, generations=6, callback=callback)
+    alone = auroraqd.Aurora(robots.GENES, PCA(2), seed=0, batch_size=60).run(robots.good, generations=6)
+    assert_array_equal(aurora.archive.genotype, alone.archive.genotype)
+    assert task.failed == 0
+
+
+@pytest.mark.parametrize(
+    ("robot", "error", "message"),
+    [
+        (robots.always_raises, RuntimeError, r"all of 32 individuals failed, the last: ArithmeticError: no robot"),
+        (robots.wrong_shape, ValueError, r"fitness must have \d+ rows"),
+        (robots.no_tuple, ValueError, "it must return fitness, observation and optionally ground truth, got NoneType"),
+        (
+            robots.NotThere(),
+            RuntimeError,
+            r"the workers cannot load the task NotThere: ImportError: No module named 'simulator'",
+        ),
+    ],
+)
+def test_what_is_hopeless_is_said(ours, robot, error, message):
+    with evaluate.over(ours, robot) as task, pytest.raises(error, match=message):
+        task(GENOTYPES)
+
+
+def test_workers_that_die_at_once():
+    with (
+        evaluate.over(evaluate.processes(2), robots.always_dies) as task,
+        pytest.raises(RuntimeError, match="the workers died before they had evaluated anything, 3 times"),
+    ):
+        task(GENOTYPES)
+
+
+def test_errors_name_the_task_and_the_generation():
+    aurora = auroraqd.Aurora(robots.GENES, PCA(2), seed=0, batch_size=40)
+    with (
+        evaluate.over(evaluate.processes(1), robots.always_raises) as task,
+        pytest.raises(auroraqd.TaskError, match=r"task always_raises at generation 0 raised RuntimeError: all of 32"),
+    ):
+        aurora.run(task, generations=1)
+
+
+def test_failing_individuals_do_not_end_a_run():
+    with evaluate.over(partial(ThreadPoolExecutor, 2), robots.raises) as task:
+        aurora = auroraqd.Aurora(robots.GENES, PCA(2), seed=0, batch_size=40).run(task, generations=3)
+        assert aurora.history.last.invalid == task.failed > 0
+
+
+def test_observations_without_nan(executor):
+    with evaluate.over(executor, robots.pictures, chunk=11) as task:
+        evaluation = task(GENOTYPES)
+    assert evaluation.observation.dtype == np.uint8
+    assert_array_equal(evaluation.observation, robots.pictures(GENOTYPES)[1])
+    assert evaluation.ground_truth is None
+
+
+def test_it_says_what_the_task_says():
+    task = evaluate.over(evaluate.processes(1), auroraqd.tasks.AirHockey(restitution_threshold=1.0))
+    assert (task.n_genes, task.__name__, task.restitution_threshold) == (8, "AirHockey", 1.0)
+    with pytest.raises(AttributeError):
+        task.prior  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ((ThreadPoolExecutor(1), robots.good), TypeError, "executor must be a function that makes an executor"),
+        ((partial(ThreadPoolExecutor, 1), 5), TypeError, "task must be callable, got 5"),
+        (
+            (partial(ThreadPoolExecutor, 1), lambda g: g),
+            ValueError,
+            "cannot be sent to workers: .* Define it at the top of a module",
+        ),
+    ],
+)
+def test_bad_arguments(arguments, error, message):
+    with pytest.raises(error, match=message):
+        evaluate.over(*arguments)
+
+
+@pytest.mark.parametrize("options", [{"chunk": 0}, {"timeout": -1}, {"retries": -1}, {"workers": 0}])
+def test_bad_options(options):
+    with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
+        evaluate.over(partial(ThreadPoolExecutor, 1), robots.good, **options)
+    with pytest.raises(TypeError, match="executor must make a concurrent.futures executor, got 3"):
+        evaluate.over(lambda: 3, robots.good)(GENOTYPES)
+
+
+def test_a_scheduler_that_is_not_there(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(evaluate, "_CONNECT", 1)
+    with pytest.raises(ValueError, match=r"there is no Dask scheduler at tcp://127\.0\.0\.1:9"):
+        evaluate.dask("tcp://127.0.0.1:9")
+    with pytest.raises(ValueError, match="there is no Dask scheduler at nonsense://x"):
+        evaluate.dask("nonsense://x")
+
+
+def test_an_interrupt_ends_the_workers():
+    task = evaluate.over(evaluate.processes(1), robots.hangs)
+    bad = GENOTYPES[BAD][:1]
+    assert np.isfinite(task(GENOTYPES[~BAD]).fitness).all()
+    processes = list(task._executor._processes.values())
+
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(evaluate, "wait", interrupt)
+        task(bad)
+    for process in processes:
+        process.join(30)
+        assert not process.is_alive()
+    check(task.task(GENOTYPES[~BAD]) and evaluate.over(evaluate.processes(1), robots.good)(GENOTYPES))
+    assert pickle.loads(task._content) is robots.hangs
