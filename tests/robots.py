@@ -91,3 +91,8 @@ class NotThere:
 
 def _from_nowhere():
     raise ImportError("No module named 'simulator'")
+
+
+async def leave():
+    """Ends a worker of a cluster."""
+    os._exit(1)

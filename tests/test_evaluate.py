@@ -1,5 +1,7 @@
 import logging
-import pickle
+import os
+import subprocess
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
@@ -120,18 +122,52 @@ def test_what_fails_once_is_tried_again(ours, tmp_path, death):
 def test_a_worker_of_a_cluster_that_is_killed_midway(cluster):
     """By somebody else, while it is at work."""
     with evaluate.over(evaluate.dask(cluster), robots.slow, chunk=5) as task:
-        calls = []
+        calls, killed = [], []
 
         def callback(aurora):
             calls.append(aurora.generation)
             if len(calls) == 2:
                 worker = next(iter(cluster.scheduler_info()["workers"]))
-                cluster.run(robots.os._exit, 1, workers=[worker], wait=False, nanny=False)
+                killed.append(worker)
+                cluster.run(robots.leave, workers=[worker], wait=False)
 
         aurora = auroraqd.Aurora(robots.GENES, PCA(2), seed=0, batch_size=60).run(task, generations=6, callback=callback)
     alone = auroraqd.Aurora(robots.GENES, PCA(2), seed=0, batch_size=60).run(robots.good, generations=6)
     assert_array_equal(aurora.archive.genotype, alone.archive.genotype)
     assert task.failed == 0
+    assert killed[0] not in cluster.scheduler_info()["workers"]
+
+
+def command(*arguments, code=0):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "auroraqd.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return " ".join((done.stdout + done.stderr).split())
+
+
+def test_command_line(cluster, tmp_path):
+    address = cluster.scheduler.address
+    for name, options in {"alone": [], "jobs": ["--jobs", 2], "cluster": ["--scheduler", address]}.items():
+        command("run", "ballistic", "-n", 4, "--no-figures", "--out", tmp_path / name, *options)
+    files = [(tmp_path / name / "repertoire.safetensors").read_bytes() for name in ("alone", "jobs", "cluster")]
+    assert files[0] == files[1] == files[2]
+    command("resume", tmp_path / "alone", "-n", 6, "--jobs", 1, "--no-figures")
+    small = ["--generations", 3, "--replications", 1, "--variants", "pca-incremental"]
+    assert "2 runs to do" in command("reproduce", "ballistic", *small, "--out", tmp_path / "all", "--scheduler", address)
+    command("reproduce", "ballistic", *small, "--out", tmp_path / "here", "--jobs", 1)
+    tables = [(tmp_path / name / "curves.csv").read_text() for name in ("all", "here")]
+    assert tables[0] == tables[1]
+    assert "give --jobs or --scheduler, not both" in command("run", "ballistic", "--jobs", 1, "--scheduler", address, code=1)
+    for what, wrong in (("run", "tcp://127.0.0.1:9"), ("reproduce", "nonsense://x")):
+        said = command(what, "ballistic", "--out", tmp_path / "no", "--scheduler", wrong, code=1)
+        assert f"there is no Dask scheduler at {wrong}" in said
+        assert not (tmp_path / "no").exists()
 
 
 @pytest.mark.parametrize(
@@ -211,7 +247,7 @@ def test_bad_arguments(arguments, error, message):
 def test_bad_options(options):
     with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
         evaluate.over(partial(ThreadPoolExecutor, 1), robots.good, **options)
-    with pytest.raises(TypeError, match="executor must make a concurrent.futures executor, got 3"):
+    with pytest.raises(TypeError, match=r"executor must make a concurrent\.futures executor, got 3"):
         evaluate.over(lambda: 3, robots.good)(GENOTYPES)
 
 
@@ -224,20 +260,30 @@ def test_a_scheduler_that_is_not_there(monkeypatch):
         evaluate.dask("nonsense://x")
 
 
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 def test_an_interrupt_ends_the_workers():
     task = evaluate.over(evaluate.processes(1), robots.hangs)
     bad = GENOTYPES[BAD][:1]
     assert np.isfinite(task(GENOTYPES[~BAD]).fitness).all()
-    processes = list(task._executor._processes.values())
+    processes = list(task._executor._processes)
 
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt
 
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(evaluate, "wait", interrupt)
-        task(bad)
-    for process in processes:
-        process.join(30)
-        assert not process.is_alive()
-    check(task.task(GENOTYPES[~BAD]) and evaluate.over(evaluate.processes(1), robots.good)(GENOTYPES))
-    assert pickle.loads(task._content) is robots.hangs
+        with pytest.raises(KeyboardInterrupt):
+            task(bad)
+    deadline = time.monotonic() + 30
+    while any(map(alive, processes)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(alive, processes))
+    assert np.isfinite(task(GENOTYPES[~BAD]).fitness).all()  # with new ones
+    task.close()

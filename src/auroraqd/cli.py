@@ -4,7 +4,7 @@ import copy
 import signal
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +17,8 @@ from rich.table import Table
 from auroraqd import __version__
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from auroraqd.aurora import Aurora
     from auroraqd.experiments import Settings
     from auroraqd.experiments.replication import Job
@@ -54,6 +56,12 @@ def _options(
 
 OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the run folder if it exists.")]
+JobsOption = Annotated[
+    int | None, typer.Option(help="Processes that evaluate; the result is the same. [default: none but this]")
+]
+SchedulerOption = Annotated[
+    str | None, typer.Option(help="Address of a Dask scheduler, like tcp://node1:8786, whose workers evaluate.")
+]
 FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end.")]
 
 
@@ -104,6 +112,8 @@ def run(
     competition: Annotated[str, typer.Option(help="Who stays of two alike: dominance or elitist.")] = "dominance",
     capacity: Annotated[int | None, typer.Option(help="Most individuals to store. [default: no limit]")] = None,
     l: Annotated[float, typer.Option("--l", help="Distance threshold until the resolution sets it.")] = 0.0,
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Discover a repertoire of behaviours and keep it in a run folder.
@@ -131,7 +141,8 @@ def run(
         competition=competition,
         capacity=capacity,
     )
-    _run(settings, out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}", overwrite, figures)
+    out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
+    _run(settings, out, overwrite, figures, _factory(jobs, scheduler))
 
 
 @app.command()
@@ -139,11 +150,13 @@ def repeat(
     folder: Annotated[Path, typer.Argument(help="Run folder whose settings to use.")],
     out: Annotated[Path, typer.Option(help="Run folder to create.")],
     overwrite: OverwriteOption = False,
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start."""
     settings = _settings_in(folder)
-    _run(settings, out, overwrite, figures)
+    _run(settings, out, overwrite, figures, _factory(jobs, scheduler))
 
 
 @app.command()
@@ -155,6 +168,8 @@ def resume(
     any_environment: Annotated[
         bool, typer.Option("--any-environment", help="Go on with other versions or on another machine: no longer bit for bit.")
     ] = False,
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
@@ -182,7 +197,7 @@ def resume(
             f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
             "--generations with a larger number goes on"
         )
-    _grow(task, aurora, settings, folder, figures)
+    _grow(task, aurora, settings, folder, figures, _factory(jobs, scheduler))
 
 
 @app.command()
@@ -241,6 +256,10 @@ def reproduce(
         ),
     ] = "all",
     jobs: Annotated[int | None, typer.Option(help="Runs at once. [default: one a core]")] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of a Dask scheduler, whose workers do the runs; --out must be where they all see it."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Where the results are, and more are added. [default: runs/reproduce-TASK]")
     ] = None,
@@ -252,7 +271,6 @@ def reproduce(
 
     Runs that are done are skipped, so it can be interrupted and called again. Example: auroraqd reproduce ballistic --quick
     """
-    from auroraqd._workers import cores
     from auroraqd.experiments.variants import EXPERIMENTS
 
     if task not in EXPERIMENTS:
@@ -276,19 +294,29 @@ def reproduce(
         [name for name in known if name in names],
         replications,
         generations,
-        jobs or len(cores()),
+        jobs,
+        scheduler,
         out or Path("runs") / f"reproduce-{task}{'-quick' * quick}",
     )
 
 
 def _reproduce(
-    experiment: "Experiment", names: "Sequence[str]", replications: int, generations: int, workers: int, out: Path
+    experiment: "Experiment",
+    names: "Sequence[str]",
+    replications: int,
+    generations: int,
+    workers: int | None,
+    scheduler: str | None,
+    out: Path,
 ) -> None:
+    from auroraqd._workers import cores
+    from auroraqd.evaluate import dask
     from auroraqd.experiments.ledger import Ledger
     from auroraqd.experiments.runner import execute, plan
     from auroraqd.progress import ExperimentProgress
 
-    ledger = Ledger(out)
+    cluster: Any = None if scheduler is None else dask(scheduler)()
+    ledger = Ledger(out if cluster is None else out.resolve())
     jobs, settings = plan(ledger, experiment, names, replications, experiment.base(generations))
     out.mkdir(parents=True, exist_ok=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -298,9 +326,11 @@ def _reproduce(
         _prepare(settings, jobs)
         try:
             with ExperimentProgress(console, len(jobs)) as progress:
-                execute(jobs, settings, ledger, workers, progress)
+                execute(jobs, settings, ledger, workers or (cluster.workers if cluster else len(cores())), progress, cluster)
                 failed = progress.failed
         except KeyboardInterrupt:
+            if cluster:
+                cluster.kill()
             errors.print(
                 f"Interrupted; {len(ledger.results)} runs are done and in {out}: the same command goes on", highlight=False
             )
@@ -356,17 +386,40 @@ def _warnings_said() -> "Iterator[None]":
         errors.print(f"Warning: {warning.message}", markup=False, highlight=False)
 
 
-def _run(settings: "Settings", out: Path, overwrite: bool, figures: bool) -> None:
+def _factory(jobs: int | None, scheduler: str | None) -> "Callable[[], Executor] | None":
+    """Of the executor that the options ask for; None: no other process."""
+    if jobs is None and scheduler is None:
+        return None
+    from auroraqd import evaluate
+
+    if jobs is not None and scheduler is not None:
+        raise UserError("give --jobs or --scheduler, not both")
+    return evaluate.processes(jobs) if scheduler is None else evaluate.dask(scheduler)
+
+
+def _run(
+    settings: "Settings", out: Path, overwrite: bool, figures: bool, factory: "Callable[[], Executor] | None" = None
+) -> None:
     _check_free(out, overwrite)
     with console.status("preparing") if console.is_terminal else nullcontext():
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, overwrite=overwrite)
+    _grow(task, aurora, settings, out, figures, factory, overwrite=overwrite)
 
 
-def _grow(task: Any, aurora: "Aurora", settings: "Settings", out: Path, figures: bool, *, overwrite: bool = False) -> None:
+def _grow(
+    task: Any,
+    aurora: "Aurora",
+    settings: "Settings",
+    out: Path,
+    figures: bool,
+    factory: "Callable[[], Executor] | None",
+    *,
+    overwrite: bool = False,
+) -> None:
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
     from auroraqd.autoencoder import listening
     from auroraqd.checkpoints import LOCK, Checkpoints
+    from auroraqd.evaluate import over
     from auroraqd.progress import RunProgress
 
     failure: BaseException | None = None
@@ -390,7 +443,8 @@ def _grow(task: Any, aurora: "Aurora", settings: "Settings", out: Path, figures:
                     progress(aurora)
                     checkpoints()
 
-                aurora.run(task, generations=settings.generations - aurora.generation, callback=after_each)
+                with nullcontext(task) if factory is None else over(factory, task) as spread:
+                    aurora.run(spread, generations=settings.generations - aurora.generation, callback=after_each)
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     if checkpoints.saved:

@@ -10,6 +10,7 @@ worker is tried again, then cut in two until it is known which individual it was
 import logging
 import math
 import multiprocessing
+import os
 import pickle
 import time
 from collections import deque
@@ -27,6 +28,7 @@ from auroraqd.tasks import Evaluation, checked, name_of
 
 _SHORTEST, _LONGEST = 0.01, 0.2  # s, that a chunk should take: far more than to send it, far less than a generation
 _START = 120.0  # s, that workers may take to start
+_RESTART = 30.0  # s, that a cluster may take to start workers again
 _CONNECT = 10.0  # s, for a scheduler to answer
 _SLOWER = 4.0  # a chunk may take this many times as long as others, and a time limit more
 _HOPELESS = 32  # individuals that fail, and none that does not, are not the individuals' fault
@@ -55,11 +57,13 @@ def dask(client: Any) -> Callable[[], Executor]:
     """
     try:
         from distributed import Client
+        from distributed.comm import resolve_address
     except ImportError:
         raise ValueError('Dask is not installed: pip install "auroraqd[cluster]"') from None
     if isinstance(client, str):
         address = client
         try:
+            resolve_address(address)
             client = Client(address, timeout=_CONNECT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise ValueError(f"there is no Dask scheduler at {address}: {error}") from None
@@ -475,19 +479,17 @@ def _begin(barrier: Any) -> None:
     settle()
 
 
+async def _exit() -> None:
+    """In a worker: end it, whatever it is doing."""
+    os._exit(1)
+
+
 class _DaskExecutor(Executor):
     """An executor on a Dask cluster. The scheduler itself replaces workers that die."""
 
     def __init__(self, client: Any):
         self._client = client
-        self._inner = client.get_executor(pure=False)
-        self._futures: set[Future] = set()
-
-    def prepare(self, content: bytes, name: str) -> None:
-        """Make the task ready on all workers there are now."""
-        assert self.workers
-        found = self._client.run(_load, content, name)
-        _check([refused and refused._replace(text=f"{refused.text} (worker {worker})") for worker, refused in found.items()])
+        self._sent: dict[Future, Any] = {}  # and not finished, with Dask's own futures
 
     @property
     def workers(self) -> int:
@@ -497,18 +499,45 @@ class _DaskExecutor(Executor):
             self._client.wait_for_workers(1)
         return sum(self._client.nthreads().values())
 
+    def prepare(self, content: bytes, name: str) -> None:
+        """Make the task ready on all workers there are now."""
+        assert self.workers
+        found = self._client.run(_load, content, name, on_error="ignore")  # one that has just died
+        _check([refused and refused._replace(text=f"{refused.text} (worker {worker})") for worker, refused in found.items()])
+
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
-        future = self._inner.submit(fn, *args, **kwargs)
-        self._futures.add(future)
-        future.add_done_callback(self._futures.discard)
+        future: Future = Future()
+        future.set_running_or_notify_cancel()
+        self._sent[future] = sent = self._client.submit(fn, *args, **kwargs, pure=False)
+        sent.add_done_callback(partial(self._finished, future))
         return future
 
+    def _finished(self, future: Future, sent: Any) -> None:
+        self._sent.pop(future, None)
+        try:
+            future.set_result(sent.result())
+        except (Exception, CancelledError) as error:
+            future.set_exception(error)
+
     def kill(self) -> None:
-        """Start those workers again that are busy with what was sent from here."""
-        if self._futures:
-            busy = [worker for worker, keys in self._client.processing().items() if keys]
-            if busy:
-                self._client.restart_workers(busy, raise_for_error=False)
+        """End the workers that are busy with what was sent from here, and wait until their nannies have started others."""
+        sent = list(self._sent.values())
+        self._sent.clear()
+        if not sent:
+            return
+        keys, known = {future.key for future in sent}, self._client.scheduler_info(n_workers=-1)["workers"]
+        busy = [worker for worker, theirs in self._client.processing().items() if keys & set(theirs)]
+        self._client.cancel(sent, force=True)
+        mortal = [worker for worker in busy if known.get(worker, {}).get("nanny")]
+        if len(mortal) < len(busy):
+            _log.warning("a Dask worker that hangs cannot be ended, for it has no nanny")
+        if mortal:
+            self._client.run(_exit, workers=mortal, wait=False)
+            deadline = time.monotonic() + _RESTART
+            while time.monotonic() < deadline and (
+                set(mortal) & set(self._client.nthreads()) or len(self._client.nthreads()) < len(known)
+            ):
+                time.sleep(0.05)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        self._inner.shutdown(wait=wait)
+        pass  # the client belongs to who made it

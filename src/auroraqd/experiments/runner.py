@@ -9,7 +9,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
@@ -102,12 +102,30 @@ def _complete(folder: Path) -> bool:
         return False
 
 
-def execute(jobs: Sequence[Job], settings: Mapping[str, Settings], ledger: Ledger, workers: int, listener: Listener) -> None:
+def execute(
+    jobs: Sequence[Job],
+    settings: Mapping[str, Settings],
+    ledger: Ledger,
+    workers: int,
+    listener: Listener,
+    cluster: Executor | None = None,
+) -> None:
     """Do the runs and write each down as soon as it is done.
 
     When it is interrupted, the runs under way are lost and the others kept: called again with the runs that are still
     missing, it goes on.
+
+    Args:
+        jobs: what to do.
+        settings: of each variant.
+        ledger: where to write it down.
+        workers: runs at once.
+        listener: who is told.
+        cluster: an executor whose workers see the folder of the ledger, which must be absolute; None: processes of here.
     """
+    if cluster is not None:
+        _until_broken(cluster, list(jobs), set(), settings, ledger, workers, listener)
+        return
     waiting, suspects = list(jobs), set[Job]()
     context = multiprocessing.get_context("spawn")
     while waiting:
@@ -125,7 +143,7 @@ def execute(jobs: Sequence[Job], settings: Mapping[str, Settings], ledger: Ledge
 
 
 def _until_broken(
-    pool: ProcessPoolExecutor,
+    pool: Executor,
     waiting: list[Job],
     suspects: set[Job],
     settings: Mapping[str, Settings],
@@ -254,7 +272,7 @@ class _Reporter:
 
     def _send(self, training: str) -> None:
         now = time.monotonic()
-        if now >= self._next:
+        if _reports is not None and now >= self._next:  # the workers of a cluster have nobody to tell
             self._next = now + _REPORT
             job = self._job
             _reports.put(
