@@ -2,6 +2,7 @@
 
 import argparse
 
+import endurance
 import hockey
 import learned
 import peers
@@ -10,5 +11,6 @@ import speed
 argparse.ArgumentParser(description=__doc__).parse_args()
 speed.main()
 hockey.main()
+endurance.main()
 learned.main()
 peers.main()

@@ -59,6 +59,7 @@ OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the 
 JobsOption = Annotated[
     int | None, typer.Option(help="Processes that evaluate; the result is the same. [default: none but this]")
 ]
+CheckpointOption = Annotated[float, typer.Option(help="Seconds between two checkpoints, at least.")]
 SchedulerOption = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, like tcp://node1:8786, whose workers evaluate.")
 ]
@@ -114,6 +115,7 @@ def run(
     l: Annotated[float, typer.Option("--l", help="Distance threshold until the resolution sets it.")] = 0.0,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
     """Discover a repertoire of behaviours and keep it in a run folder.
@@ -142,7 +144,7 @@ def run(
         capacity=capacity,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
-    _run(settings, out, overwrite, figures, _factory(jobs, scheduler))
+    _run(settings, out, overwrite, figures, checkpoint_every, _factory(jobs, scheduler))
 
 
 @app.command()
@@ -152,11 +154,12 @@ def repeat(
     overwrite: OverwriteOption = False,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start."""
     settings = _settings_in(folder)
-    _run(settings, out, overwrite, figures, _factory(jobs, scheduler))
+    _run(settings, out, overwrite, figures, checkpoint_every, _factory(jobs, scheduler))
 
 
 @app.command()
@@ -170,6 +173,7 @@ def resume(
     ] = False,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
     """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
@@ -197,7 +201,7 @@ def resume(
             f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
             "--generations with a larger number goes on"
         )
-    _grow(task, aurora, settings, folder, figures, _factory(jobs, scheduler))
+    _grow(task, aurora, settings, folder, figures, checkpoint_every, _factory(jobs, scheduler))
 
 
 @app.command()
@@ -398,12 +402,17 @@ def _factory(jobs: int | None, scheduler: str | None) -> "Callable[[], Executor]
 
 
 def _run(
-    settings: "Settings", out: Path, overwrite: bool, figures: bool, factory: "Callable[[], Executor] | None" = None
+    settings: "Settings",
+    out: Path,
+    overwrite: bool,
+    figures: bool,
+    every: float = 10.0,
+    factory: "Callable[[], Executor] | None" = None,
 ) -> None:
     _check_free(out, overwrite)
     with console.status("preparing") if console.is_terminal else nullcontext():
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, factory, overwrite=overwrite)
+    _grow(task, aurora, settings, out, figures, every, factory, overwrite=overwrite)
 
 
 def _grow(
@@ -412,6 +421,7 @@ def _grow(
     settings: "Settings",
     out: Path,
     figures: bool,
+    every: float,
     factory: "Callable[[], Executor] | None",
     *,
     overwrite: bool = False,
@@ -429,6 +439,7 @@ def _grow(
     checkpoints = Checkpoints(
         aurora,
         out,
+        every=every,
         config=settings.as_json(),
         overwrite=overwrite,
         report=lambda text: errors.print(text, markup=False, highlight=False),

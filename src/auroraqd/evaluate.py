@@ -57,7 +57,7 @@ def dask(client: Any) -> Callable[[], Executor]:
     """
     try:
         from distributed import Client
-        from distributed.comm import resolve_address
+        from distributed.comm.addressing import resolve_address
     except ImportError:
         raise ValueError('Dask is not installed: pip install "auroraqd[cluster]"') from None
     if isinstance(client, str):

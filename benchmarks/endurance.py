@@ -1,0 +1,131 @@
+"""What it costs to lose nothing, and what many workers give.
+
+python benchmarks/endurance.py            # checkpoints, and evaluations over two processes
+python benchmarks/endurance.py --kill 20  # a run of paper size, killed 20 times, beside one left alone: ten minutes
+"""
+
+import argparse
+import json
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from sklearn.decomposition import PCA
+
+import auroraqd
+from auroraqd import storage
+
+MILLISECONDS = 5
+
+
+def simulated(genotypes):
+    """A simulator that computes for 5 ms an individual."""
+    for _ in genotypes:
+        end = time.perf_counter() + MILLISECONDS / 1e3
+        while time.perf_counter() < end:
+            pass
+    return np.zeros(len(genotypes)), np.cumsum(genotypes, axis=1)[..., None]
+
+
+def checkpoints():
+    """Writing one at the end of runs of paper size, and their share of a run."""
+    print("### Checkpoints of runs of paper size, PCA\n")
+    print("| task | stored | MB | seconds for one (median of 9) | resuming | run, s | with checkpoints, s | share of them |")
+    print("|---|---|---|---|---|---|---|---|")
+    for task in (auroraqd.tasks.Ballistic(), auroraqd.tasks.AirHockey()):
+
+        def fresh(task=task):
+            return auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0, variation=auroraqd.Polynomial(at_least_one=False))
+
+        fresh().run(task, generations=60)
+        since = time.perf_counter()
+        fresh().run(task, generations=5000)
+        alone = time.perf_counter() - since
+        with tempfile.TemporaryDirectory() as folder:
+            aurora, spent, write = fresh(), [], storage.write
+
+            def timed(*arguments, spent=spent, write=write, **options):
+                since = time.perf_counter()
+                write(*arguments, **options)
+                spent.append(time.perf_counter() - since)
+
+            storage.write = timed
+            since = time.perf_counter()
+            with auroraqd.Checkpoints(aurora, folder) as saved:
+                aurora.run(task, generations=5000, callback=saved)
+            total = time.perf_counter() - since
+            share = sum(spent) / total
+            spent.clear()
+            for _ in range(9):
+                timed(aurora, Path(folder), None, keep=True)
+            storage.write = write
+            size = (Path(folder) / storage.REPERTOIRE).stat().st_size / 1e6
+            since = time.perf_counter()
+            auroraqd.resume(folder)
+            resumed = time.perf_counter() - since
+        print(
+            f"| {type(task).__name__} | {len(aurora.archive):,} | {size:.1f} | {np.median(spent):.3f} | {resumed:.2f} | "
+            f"{alone:.1f} | {total:.1f} | {100 * share:.1f}% |",
+            flush=True,
+        )
+
+
+def workers(batches=10):
+    """Batches of 200 of a task of 5 ms an evaluation."""
+    print(f"\n### A task of {MILLISECONDS} ms an evaluation, {batches} batches of 200\n")
+    print("| workers | seconds a batch (median) | efficiency |\n|---|---|---|")
+    genotypes = np.random.default_rng(0).random((200, 10))
+    ideal = 200 * MILLISECONDS / 1e3
+    for number in (1, 2):
+        with auroraqd.evaluate.over(auroraqd.evaluate.processes(number), simulated) as task:
+            task(genotypes)
+            seconds = []
+            for _ in range(batches):
+                since = time.perf_counter()
+                task(genotypes)
+                seconds.append(time.perf_counter() - since)
+        median = float(np.median(seconds))
+        print(f"| {number} | {median:.3f} | {100 * ideal / number / median:.0f}% |", flush=True)
+
+
+def killed(times):
+    """A run of paper size killed at random moments, resumed each time, beside one left alone."""
+    command = [sys.executable, "-m", "auroraqd.cli"]
+    rng = random.Random(0)
+    with tempfile.TemporaryDirectory() as folder:
+        alone, ended = Path(folder) / "alone", Path(folder) / "killed"
+        options = ["--no-figures", "--checkpoint-every", "1"]
+        run = ["run", "air-hockey", "--generations", "5000", *options, "--out"]
+        subprocess.run([*command, *run, alone], check=True, stdout=subprocess.DEVNULL)
+        print(f"### A run of paper size on the air-hockey task, killed {times} times\n")
+        for kill in range(times):
+            arguments = [*run, ended] if kill == 0 else ["resume", ended, *options]
+            process = subprocess.Popen([*command, *arguments], stdout=subprocess.DEVNULL)
+            time.sleep(3 + 3 * rng.random())
+            process.send_signal(signal.SIGKILL)
+            came = process.wait() == -signal.SIGKILL
+            print(f"killed ({came}) at generation {auroraqd.resume(ended).generation} or later", flush=True)
+        subprocess.run([*command, "resume", ended, *options], check=True, stdout=subprocess.DEVNULL)
+        same = (alone / storage.REPERTOIRE).read_bytes() == (ended / storage.REPERTOIRE).read_bytes()
+        history = [[record[:-1] for record in storage.load_history(path)] for path in (alone, ended)]
+        configs = [json.loads((path / storage.CONFIG).read_text()) for path in (alone, ended)]
+        print(f"\nthe same repertoire, byte for byte: {same}")
+        print(f"the same history but for the times: {repr(history[0]) == repr(history[1])}")
+        print(f"the same config: {configs[0] == configs[1]}")
+
+
+def main():
+    checkpoints()
+    workers()
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kill", type=int, metavar="TIMES")
+    given = parser.parse_args()
+    main() if given.kill is None else killed(given.kill)
