@@ -106,7 +106,7 @@ def killed(times):
         for kill in range(times):
             arguments = [*run, ended] if kill == 0 else ["resume", ended, *options]
             process = subprocess.Popen([*command, *arguments], stdout=subprocess.DEVNULL)
-            time.sleep(3 + 3 * rng.random())
+            time.sleep(rng.uniform(2, 12))
             process.send_signal(signal.SIGKILL)
             came = process.wait() == -signal.SIGKILL
             print(f"killed ({came}) at generation {auroraqd.resume(ended).generation} or later", flush=True)
