@@ -103,14 +103,18 @@ def killed(times):
         run = ["run", "air-hockey", "--generations", "5000", *options, "--out"]
         subprocess.run([*command, *run, alone], check=True, stdout=subprocess.DEVNULL)
         print(f"### A run of paper size on the air-hockey task, killed {times} times\n")
+        generation = 0
         for kill in range(times):
             arguments = [*run, ended] if kill == 0 else ["resume", ended, *options]
             process = subprocess.Popen([*command, *arguments], stdout=subprocess.DEVNULL)
-            time.sleep(rng.uniform(2, 12))
+            time.sleep(rng.uniform(2, 5.5))  # about two of them until it is at work
             process.send_signal(signal.SIGKILL)
-            came = process.wait() == -signal.SIGKILL
-            print(f"killed ({came}) at generation {auroraqd.resume(ended).generation} or later", flush=True)
-        subprocess.run([*command, "resume", ended, *options], check=True, stdout=subprocess.DEVNULL)
+            process.wait()
+            if (ended / storage.REPERTOIRE).is_file():
+                generation = auroraqd.resume(ended).generation
+            print(f"killed, {generation} generations are kept", flush=True)
+        if generation < 5000:
+            subprocess.run([*command, "resume", ended, *options], check=True, stdout=subprocess.DEVNULL)
         same = (alone / storage.REPERTOIRE).read_bytes() == (ended / storage.REPERTOIRE).read_bytes()
         history = [[record[:-1] for record in storage.load_history(path)] for path in (alone, ended)]
         configs = [json.loads((path / storage.CONFIG).read_text()) for path in (alone, ended)]

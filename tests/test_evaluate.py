@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import evaluate
+from auroraqd import evaluate, executors
 
 GENOTYPES = np.random.default_rng(0).random((60, robots.GENES))
 BAD = robots.bad(GENOTYPES)
@@ -253,7 +253,7 @@ def test_bad_options(options):
 
 def test_a_scheduler_that_is_not_there(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(evaluate, "_CONNECT", 1)
+    monkeypatch.setattr(executors, "_CONNECT", 1)
     with pytest.raises(ValueError, match=r"there is no Dask scheduler at tcp://127\.0\.0\.1:9"):
         evaluate.dask("tcp://127.0.0.1:9")
     with pytest.raises(ValueError, match="there is no Dask scheduler at nonsense://x"):
