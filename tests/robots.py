@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -61,6 +62,20 @@ def no_tuple(genotypes):
 def pictures(genotypes):
     """Observations that have no NaN."""
     return np.zeros(len(genotypes)), (255 * genotypes).astype(np.uint8)[..., None]
+
+
+def exits(genotypes):
+    if bad(genotypes).any():
+        sys.exit(3)
+    return good(genotypes)
+
+
+def mixed_types(genotypes):
+    return np.zeros(len(genotypes)), genotypes.astype(np.float32 if bad(genotypes).any() else np.float64)
+
+
+def mixed_shapes(genotypes):
+    return np.zeros(len(genotypes)), np.zeros((len(genotypes), 2 if bad(genotypes).any() else 3))
 
 
 class FailsOnce:

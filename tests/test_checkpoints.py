@@ -303,6 +303,30 @@ def test_two_at_once_in_a_folder(tmp_path):
         pass
 
 
+def test_misuse_is_said(tmp_path):
+    saved = auroraqd.Checkpoints(make(), tmp_path / "run")
+    with pytest.raises(RuntimeError, match="checkpoints are written inside their `with` block"):
+        saved()
+    with saved, pytest.raises(RuntimeError, match="these checkpoints are open already"):
+        saved.__enter__()
+    with saved:  # but one after the other
+        pass
+    with pytest.raises(ValueError, match="every must be a finite number, 0 or more, got nan"):
+        auroraqd.Checkpoints(make(), tmp_path, every=float("nan"))
+    (tmp_path / "file").touch()
+    with pytest.raises(NotADirectoryError, match="file must be a folder, and is a file"):
+        auroraqd.Checkpoints(make(), tmp_path / "file").__enter__()
+
+
+def test_an_archive_that_does_not_fit(tmp_path):
+    aurora = make().run(TASK, generations=2)
+    auroraqd.save(aurora, tmp_path)
+    for wrong in (auroraqd.GridArchive((5, 5)), aurora.archive):
+        with pytest.raises(ValueError, match="archive must be an empty UnstructuredArchive, as before, got "):
+            auroraqd.resume(tmp_path, archive=wrong)
+    assert len(auroraqd.resume(tmp_path, archive=auroraqd.UnstructuredArchive(k=3)).archive) == len(aurora.archive)
+
+
 def test_a_disk_that_is_full_for_a_while(tmp_path, monkeypatch):
     aurora, said, real = make(), [], storage.write
 

@@ -35,7 +35,7 @@ def cluster():
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=logging.CRITICAL
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
@@ -91,6 +91,16 @@ def test_who_raises_is_invalid(executor, caplog):
         f"raises: {BAD.sum()} of 60 individuals could not be evaluated and are invalid; one of them: genotype [0.9" in message
     )
     assert "ArithmeticError: the solver did not converge" in message
+
+
+def test_who_exits_is_invalid(executor):
+    with evaluate.over(executor, robots.exits) as task:
+        check(task(GENOTYPES), BAD)
+
+
+def test_types_do_not_depend_on_who_comes_first(executor):
+    with evaluate.over(executor, robots.mixed_types, chunk=4) as task:
+        assert task(GENOTYPES).observation.dtype == np.float64
 
 
 def test_who_kills_its_worker_is_invalid(ours):
@@ -175,6 +185,7 @@ def test_command_line(cluster, tmp_path):
     [
         (robots.always_raises, RuntimeError, r"all of 32 individuals failed, the last: ArithmeticError: no robot"),
         (robots.wrong_shape, ValueError, r"fitness must have \d+ rows"),
+        (robots.mixed_shapes, ValueError, r"rows of one shape, .*, got both \(2,\) and \(3,\)"),
         (robots.no_tuple, ValueError, "it must return fitness, observation and optionally ground truth, got NoneType"),
         (
             robots.NotThere(),

@@ -43,6 +43,7 @@ class Checkpoints:
     Raises:
         ValueError: the descriptor cannot be saved; there is another run in the folder; `every` is negative.
         BlockingIOError: another process has a run in the folder.
+        RuntimeError: it is opened twice, or called when it is not open.
         OSError: on entry, there cannot be such a folder; at the end, the run could not be saved.
     """
 
@@ -69,9 +70,14 @@ class Checkpoints:
         self._saved: tuple[int, bool] | None = None
 
     def __enter__(self) -> "Checkpoints":
+        if self._lock.is_locked:
+            raise RuntimeError("these checkpoints are open already: one `with` block at a time")
         if not isinstance(self.aurora.descriptor.source, str):
             _transformers.check(self.aurora.descriptor.source)
-        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise NotADirectoryError(f"{self.folder} must be a folder, and is a file") from None
         try:
             self._lock.acquire()
         except Timeout:
@@ -104,6 +110,8 @@ class Checkpoints:
 
     def __call__(self, aurora: Aurora | None = None) -> None:
         """Save the run, if it is time to. The argument is that of a callback of `Aurora.run`, and is not needed."""
+        if not self._lock.is_locked:
+            raise RuntimeError("checkpoints are written inside their `with` block, while no other process can")
         began = time.monotonic()
         if began < self._next:
             return

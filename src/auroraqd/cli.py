@@ -59,7 +59,7 @@ OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the 
 JobsOption = Annotated[
     int | None, typer.Option(help="Processes that evaluate; the result is the same. [default: none but this]")
 ]
-CheckpointOption = Annotated[float, typer.Option(help="Seconds between two checkpoints, at least.")]
+CheckpointOption = Annotated[float, typer.Option(min=0, help="Seconds between two checkpoints, at least.")]
 SchedulerOption = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, like tcp://node1:8786, whose workers evaluate.")
 ]
@@ -398,6 +398,8 @@ def _factory(jobs: int | None, scheduler: str | None) -> "Callable[[], Executor]
 
     if jobs is not None and scheduler is not None:
         raise UserError("give --jobs or --scheduler, not both")
+    if jobs is not None and jobs < 1:
+        raise UserError(f"jobs must be 1 or more, got {jobs}")
     return evaluate.processes(jobs) if scheduler is None else evaluate.dask(scheduler)
 
 

@@ -333,14 +333,8 @@ class _Batch:
         """Of all, in order; rows of those that failed are invalid."""
         if not self._done:  # an empty batch
             return Evaluation(np.empty(0), np.empty((0, 1)))
-        n, first = len(self._genotypes), self._done[0][1]
-        columns = [None if column is None else _blank(n, column) for column in first]
-        for piece, evaluation in self._done:
-            for column, rows in zip(columns, evaluation, strict=True):
-                if (column is None) != (rows is None) or (column is not None and column.shape[1:] != rows.shape[1:]):
-                    raise ValueError("evaluations of different workers must have one shape, and ground truth always or never")
-                if column is not None:
-                    column[piece.start : piece.stop] = rows
+        n, done = len(self._genotypes), sorted(self._done, key=lambda one: one[0].start)
+        columns = [self._column(n, [(piece, evaluation[i]) for piece, evaluation in done]) for i in range(3)]
         if self.invalid:
             row, reason = next(iter(self.invalid.items()))
             _log.warning(
@@ -352,10 +346,21 @@ class _Batch:
             )
         return Evaluation(*columns)
 
-
-def _blank(n: int, like: np.ndarray) -> np.ndarray:
-    """n rows of NaN, or of zeros where there is no NaN."""
-    return np.full((n, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype)
+    def _column(self, n: int, parts: "Sequence[tuple[_Piece, Any]]") -> np.ndarray | None:
+        """n rows, NaN or zero where there is nothing to put; of a type that does not depend on who came first."""
+        shapes = {None if rows is None else rows.shape[1:] for _, rows in parts}
+        if len(shapes) > 1:
+            raise ValueError(
+                "it must return rows of one shape, and ground truth always or never, got both "
+                f"{' and '.join(sorted(map(str, shapes)))}"
+            )
+        if shapes == {None}:
+            return None
+        dtype = np.result_type(*(rows for _, rows in parts))
+        column = np.full((n, *parts[0][1].shape[1:]), np.nan if dtype.kind == "f" else 0, dtype)
+        for piece, rows in parts:
+            column[piece.start : piece.stop] = rows
+        return column
 
 
 def _evaluate(content: bytes, name: str, genotypes: np.ndarray) -> "tuple[Evaluation, float] | Refused":
@@ -364,7 +369,10 @@ def _evaluate(content: bytes, name: str, genotypes: np.ndarray) -> "tuple[Evalua
     if isinstance(task, Refused):
         return task
     since = time.perf_counter()
-    result = task(genotypes)
+    try:
+        result = task(genotypes)
+    except SystemExit as error:  # or the worker would end
+        raise RuntimeError(f"it called sys.exit({error})") from None
     seconds = time.perf_counter() - since
     if not isinstance(result, tuple) or len(result) not in (2, 3):
         return Refused(

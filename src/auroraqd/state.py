@@ -82,7 +82,7 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
         setattr(aurora, name, values[name])
     for name, module in _STRATEGIES.items():
         setattr(aurora, name, parts[name] if name in parts else _strategy(name, values["settings"][name], module))
-    archive = parts["archive"] if "archive" in parts else _archive(values["settings"]["archive"], _named("archive", arrays))
+    archive = _archive(values["settings"]["archive"], _named("archive", arrays), parts.get("archive"))
     archive.restore({name: arrays[name] for name in _COLUMNS if name in arrays}, values["archive"])
     records = [_record(row, seconds) for row in arrays["history"]]
     rng = np.random.default_rng()
@@ -133,10 +133,14 @@ def _strategy(name: str, value: Any, module: Any) -> Any:
     return kind(**options)  # pyright: ignore[reportCallIssue] - a type
 
 
-def _archive(settings: Mapping[str, Any], constants: Mapping[str, np.ndarray]) -> Archive:
-    """An empty archive from its settings and constants."""
+def _archive(settings: Mapping[str, Any], constants: Mapping[str, np.ndarray], given: Archive | None) -> Archive:
+    """An empty archive from its settings and constants, or the one given if it is of the same type."""
     options = dict(settings)
     kind = options.pop("type")
+    if given is not None:
+        if type(given).__name__ != kind or len(given):
+            raise ValueError(f"archive must be an empty {kind}, as before, got {given!r}")
+        return given
     if kind == CVTArchive.__name__:
         return CVTArchive(Tessellation(constants["centroids"], options["asked"], options["samples"], options["steps"]))
     for known in (UnstructuredArchive, GridArchive):
