@@ -47,6 +47,10 @@ def always_raises(genotypes):
     raise ArithmeticError("no robot")
 
 
+def always_hangs(genotypes):
+    time.sleep(1000)
+
+
 def always_dies(genotypes):
     os._exit(3)
 

@@ -114,7 +114,7 @@ def test_who_kills_its_worker_is_invalid(ours):
 def test_who_hangs_is_invalid_and_does_not_hang_the_run(ours):
     few = np.concatenate([GENOTYPES[~BAD][:9], GENOTYPES[BAD][:1], GENOTYPES[~BAD][9:14]])
     since = time.monotonic()
-    with evaluate.over(ours, robots.hangs, timeout=0.5, retries=0) as task:
+    with evaluate.over(ours, robots.hangs, timeout=4, retries=0) as task:
         evaluation = task(few)
         assert np.flatnonzero(np.isnan(evaluation.fitness)).tolist() == [9]
         assert np.isfinite(task(few[:9]).fitness).all()
@@ -196,6 +196,14 @@ def test_command_line(cluster, tmp_path):
 )
 def test_what_is_hopeless_is_said(ours, robot, error, message):
     with evaluate.over(ours, robot) as task, pytest.raises(error, match=message):
+        task(GENOTYPES)
+
+
+def test_a_task_that_always_hangs():
+    with (
+        evaluate.over(evaluate.processes(2), robots.always_hangs, timeout=0.1, retries=0) as task,
+        pytest.raises(RuntimeError, match="all of 6 individuals failed, the last: it took longer than 0"),
+    ):
         task(GENOTYPES)
 
 

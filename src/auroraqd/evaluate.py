@@ -29,6 +29,7 @@ __all__ = ["Spread", "dask", "over", "processes"]
 _SHORTEST, _LONGEST = 0.01, 0.2  # s, that a chunk should take: far more than to send it, far less than a generation
 _SLOWER = 4.0  # a chunk may take this many times as long as others, and a time limit more
 _HOPELESS = 32  # individuals that fail, and none that does not, are not the individuals' fault
+_HANGING = 6  # nor are these, if they hang and none ever came back: to wait for more may take hours
 _STILLBORN = 3  # likewise executors that break before they have evaluated anything
 _log = logging.getLogger("auroraqd")
 
@@ -213,6 +214,7 @@ class _Batch:
         self._running: dict[Future, tuple[_Piece, float]] = {}
         self._alone = False
         self._done: list[tuple[_Piece, Evaluation]] = []
+        self._hanging = 0  # chunks that took too long
         self.invalid: dict[int, str] = {}  # row to the reason
 
     @property
@@ -311,6 +313,7 @@ class _Batch:
         """Workers take too long: end them all, for one alone cannot be ended; those that did not begin again."""
         for future, (piece, _) in self._running.items():
             if future in late:
+                self._hanging += 1
                 self._failed(piece, f"it took longer than {self._spread._timeout:g} s", suspect=self._alone)
             else:
                 self._again.appendleft(piece)
@@ -326,7 +329,8 @@ class _Batch:
             queue.extend(piece.halves())
         else:
             self.invalid[piece.start] = reason
-            if not self._done and len(self.invalid) >= min(_HOPELESS, len(self._genotypes)):
+            most = _HANGING if self._hanging and self._spread._seconds is None else _HOPELESS
+            if not self._done and len(self.invalid) >= min(most, len(self._genotypes)):
                 raise RuntimeError(f"all of {len(self.invalid)} individuals failed, the last: {reason}")
 
     def evaluation(self) -> Evaluation:
