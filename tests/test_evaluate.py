@@ -1,4 +1,5 @@
 import logging
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -45,7 +46,7 @@ def cluster():
 EXECUTORS = {
     "one process": lambda client: evaluate.processes(1),
     "two processes": lambda client: evaluate.processes(2),
-    "a pool of the standard library": lambda client: partial(ProcessPoolExecutor, 2),
+    "a pool of the standard library": lambda client: partial(ProcessPoolExecutor, 2, multiprocessing.get_context("spawn")),
     "threads": lambda client: partial(ThreadPoolExecutor, 3),
     "dask": lambda client: evaluate.dask(client()),
 }
