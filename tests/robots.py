@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import sys
 import time
 from pathlib import Path
@@ -98,6 +99,38 @@ class FailsOnce:
         return good(genotypes)
 
 
+class OneBadWorker:
+    """Raises on the first worker that takes the mark, always and at once."""
+
+    def __init__(self, mark, pause=0.01):
+        self.mark, self.pause = str(mark), pause
+
+    def __call__(self, genotypes):
+        me, mark = f"{socket.gethostname()}:{os.getpid()}", Path(self.mark)
+        try:
+            with mark.open("x") as file:
+                file.write(me)
+        except FileExistsError:
+            pass
+        if mark.read_text() in (me, ""):
+            raise OSError("the GPU has fallen off the bus")
+        time.sleep(self.pause * len(genotypes))
+        return good(genotypes)
+
+
+class Unpicklable(Exception):
+    """Cannot be sent back by a worker."""
+
+    def __init__(self, one, two):
+        super().__init__(f"{one} {two}")
+
+
+def raises_unpicklable(genotypes):
+    if bad(genotypes).any():
+        raise Unpicklable("no", "contact")
+    return good(genotypes)
+
+
 class NotThere:
     """Its module cannot be imported by a worker."""
 
@@ -106,6 +139,31 @@ class NotThere:
 
     def __reduce__(self):
         return _from_nowhere, ()
+
+
+class LoadsSlowly:
+    """Takes a second to load."""
+
+    def __call__(self, genotypes):
+        return good(genotypes)
+
+    def __reduce__(self):
+        return _loaded_slowly, ()
+
+
+def _loaded_slowly():
+    global _slowly_loaded
+    time.sleep(1)
+    _slowly_loaded = True
+    return LoadsSlowly()
+
+
+_slowly_loaded = False
+
+
+def loaded():
+    """In a worker: whether it has loaded the slow one."""
+    return _slowly_loaded
 
 
 def _from_nowhere():

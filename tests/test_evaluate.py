@@ -1,11 +1,13 @@
 import logging
 import multiprocessing
 import os
+import shutil
 import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ def check(evaluation, invalid=None):
     """It is the evaluation of the good task, but for rows that are invalid."""
     expected = robots.good(GENOTYPES)
     valid = np.ones(len(GENOTYPES), bool) if invalid is None else ~invalid
-    assert_array_equal(np.isfinite(evaluation.fitness), valid)
+    assert_array_equal(np.isfinite(evaluation[0]), valid)
     for column, wanted in zip(evaluation, expected, strict=True):
         assert_array_equal(column[valid], wanted[valid])
 
@@ -43,12 +45,18 @@ def cluster():
         yield client
 
 
+def whole_again(client):
+    """The executor on a cluster, when workers that other tests have ended are there again."""
+    client.wait_for_workers(2)
+    return evaluate.dask(client)
+
+
 EXECUTORS = {
     "one process": lambda client: evaluate.processes(1),
     "two processes": lambda client: evaluate.processes(2),
     "a pool of the standard library": lambda client: partial(ProcessPoolExecutor, 2, multiprocessing.get_context("spawn")),
     "threads": lambda client: partial(ThreadPoolExecutor, 3),
-    "dask": lambda client: evaluate.dask(client()),
+    "dask": lambda client: whole_again(client()),
 }
 OURS = ("two processes", "dask")
 
@@ -87,6 +95,7 @@ def test_who_raises_is_invalid(executor, caplog):
     with evaluate.over(executor, robots.raises) as task:
         check(task(GENOTYPES), BAD)
         assert task.failed == BAD.sum()
+    assert not any("set aside" in record.getMessage() for record in caplog.records)
     message = caplog.records[-1].getMessage()
     assert (
         f"raises: {BAD.sum()} of 60 individuals could not be evaluated and are invalid; one of them: genotype [0.9" in message
@@ -128,6 +137,44 @@ def test_what_fails_once_is_tried_again(ours, tmp_path, death):
         check(task(GENOTYPES))
         assert task.failed == 0
     assert (tmp_path / "mark").exists()
+
+
+@pytest.mark.parametrize("chunk", [None, 1])
+@pytest.mark.parametrize("kind", [kind for kind in EXECUTORS if kind not in ("one process", "threads")])
+def test_a_worker_that_fails_what_others_do(request, tmp_path, caplog, kind, chunk):
+    """No individual suffers for it, and it gets no more to do."""
+    factory = EXECUTORS[kind](lambda: request.getfixturevalue("cluster"))
+    with evaluate.over(factory, robots.OneBadWorker(tmp_path / "mark"), chunk=chunk) as task:
+        for _ in range(3):
+            check(task(GENOTYPES))
+        assert task.failed == 0
+    said = [record.getMessage() for record in caplog.records if "is set aside" in record.getMessage()]
+    host, pid = (tmp_path / "mark").read_text().split(":")
+    assert said == [
+        f"OneBadWorker: the worker that is process {pid} of {host} is set aside: what fails on it succeeds elsewhere"
+    ]
+
+
+def test_exceptions_that_cannot_be_sent(executor, caplog):
+    with evaluate.over(executor, robots.raises_unpicklable) as task:
+        check(task(GENOTYPES), BAD)
+    assert "Unpicklable: no contact" in caplog.records[-1].getMessage()
+
+
+def test_a_worker_that_joins_a_cluster_loads_the_task_first(cluster):
+    """Before it is given work, for whose time limit it could take too long."""
+    cluster.wait_for_workers(2)
+    with evaluate.over(evaluate.dask(cluster), robots.LoadsSlowly(), timeout=4, retries=0) as task:
+        check(task(GENOTYPES))
+        worker = next(iter(cluster.scheduler_info()["workers"]))
+        cluster.run(robots.leave, workers=[worker], wait=False)
+        deadline = time.monotonic() + 60
+        while worker in cluster.nthreads() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        cluster.wait_for_workers(2)
+        loaded = cluster.run(robots.loaded)
+        assert len(loaded) == 2
+        assert all(loaded.values())
 
 
 def test_a_worker_of_a_cluster_that_is_killed_midway(cluster):
@@ -278,6 +325,26 @@ def test_a_scheduler_that_is_not_there(monkeypatch):
         evaluate.dask("tcp://127.0.0.1:9")
     with pytest.raises(ValueError, match="there is no Dask scheduler at nonsense://x"):
         evaluate.dask("nonsense://x")
+
+
+def test_a_pool_of_mpi(tmp_path):
+    pytest.importorskip("mpi4py")
+    script = Path(__file__).parent / "mpi_run.py"
+    mpiexec = shutil.which("mpiexec", path=Path(sys.executable).parent) or "mpiexec"
+    done = subprocess.run(
+        [mpiexec, "-n", "3", sys.executable, "-m", "mpi4py.futures", script, tmp_path, "2"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    with np.load(tmp_path / "found.npz") as found:
+        for name, invalid in (("slow", None), ("raises", BAD), ("OneBadWorker", None)):
+            check([found[f"{name} {column}"] for column in ("fitness", "observation", "ground_truth")], invalid)
+    assert f"process {(tmp_path / 'mark').read_text().split(':')[1]} " in done.stderr
+    assert done.stderr.count("set aside") >= 1
+    assert "raises: the worker" not in done.stderr
 
 
 def alive(pid):

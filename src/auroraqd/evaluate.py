@@ -4,7 +4,8 @@
         aurora.run(task, generations=500)
 
 What goes wrong in a worker does not end the run. A chunk of individuals whose evaluation raises, takes too long, or kills its
-worker is tried again, then cut in two until it is known which individual it was: that one is invalid, its fitness NaN.
+worker is tried again, on another worker, then cut in two until it is known which individual it was: that one is invalid, its
+fitness NaN. A worker that fails what others do is set aside.
 """
 
 import logging
@@ -20,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd._checks import number, whole
+from auroraqd._trust import Trust, Worker, this_worker
 from auroraqd._workers import cores
 from auroraqd.executors import START, Refused, dask, load, processes
 from auroraqd.tasks import Evaluation, checked, name_of
@@ -30,6 +32,8 @@ _SHORTEST, _LONGEST = 0.01, 0.2  # s, that a chunk should take: far more than to
 _SLOWER = 4.0  # a chunk may take this many times as long as others, and a time limit more
 _HOPELESS = 32  # individuals that fail, and none that does not, are not the individuals' fault
 _HANGING = 6  # nor are these, if they hang and none ever came back: to wait for more may take hours
+_PAUSE = 0.05, 5.0  # s, least and most, that a worker waits when it leaves a piece to others: about what an individual takes
+_DECLINED = 20  # times that a piece may be left to others before it is clear that there are none
 _STILLBORN = 3  # likewise executors that break before they have evaluated anything
 _log = logging.getLogger("auroraqd")
 
@@ -89,14 +93,28 @@ class _Piece(NamedTuple):
     start: int
     stop: int
     failures: int = 0  # how often they have failed
+    failed_on: frozenset[Worker] = frozenset()
+    declined: int = 0  # how often a worker left them to others
 
     @property
     def size(self) -> int:
         return self.stop - self.start
 
     def halves(self) -> list["_Piece"]:
+        """Of which one may have done nothing wrong, so where they failed together says nothing of where they fail."""
         middle = (self.start + self.stop) // 2
-        return [self._replace(stop=middle), self._replace(start=middle)]
+        fresh = self._replace(failed_on=frozenset())
+        return [fresh._replace(stop=middle), fresh._replace(start=middle)]
+
+
+class _Answer(NamedTuple):
+    """What a worker has done with a piece: one of the three."""
+
+    worker: Worker
+    evaluation: Evaluation | None = None
+    error: str | None = None
+    refused: Refused | None = None  # neither: it left the piece to others
+    seconds: float = 0.0
 
 
 class Spread:
@@ -126,6 +144,7 @@ class Spread:
         self._seconds: float | None = None  # that an individual takes
         self._slow_start = START  # of an executor that does not say when its workers are ready
         self._stillborn = 0  # executors that broke before they had evaluated anything
+        self._trust = Trust()
 
     def __getattr__(self, name: str) -> Any:
         """What the task says about itself, `n_genes` for instance."""
@@ -173,7 +192,9 @@ class Spread:
             if not isinstance(self._executor, Executor):
                 raise TypeError(f"executor must make a concurrent.futures executor, got {self._executor!r}")
             if hasattr(self._executor, "prepare"):  # so that what it takes to start is not taken for a slow evaluation
-                self._executor.prepare(self._content, self.__name__)  # pyright: ignore[reportAttributeAccessIssue]
+                for worker in self._executor.prepare(self._content, self.__name__):  # pyright: ignore[reportAttributeAccessIssue]
+                    self._trust.met(worker)
+                self._trust.met_all()
                 self._slow_start = 0.0
         return self._executor
 
@@ -184,6 +205,11 @@ class Spread:
             with suppress(Exception):  # of one that is broken
                 getattr(executor, "kill", lambda: None)()
                 executor.shutdown(wait=False, cancel_futures=True)
+
+    def _took(self, seconds: float) -> None:
+        """An individual took so long."""
+        self._stillborn = 0
+        self._seconds = seconds if self._seconds is None else 0.7 * self._seconds + 0.3 * seconds
 
     def _size(self, left: int, workers: int) -> int:
         """Individuals for the next chunk, of those left."""
@@ -213,6 +239,7 @@ class _Batch:
         self._suspects: deque[_Piece] = deque()  # one of them broke the executor: they are tried one at a time
         self._running: dict[Future, tuple[_Piece, float]] = {}
         self._alone = False
+        self._free: Worker | None = None  # who answered just now, and will take what is sent
         self._done: list[tuple[_Piece, Evaluation]] = []
         self._hanging = 0  # chunks that took too long
         self.invalid: dict[int, str] = {}  # row to the reason
@@ -229,7 +256,7 @@ class _Batch:
         least = min(deadline for _, deadline in self._running.values())
         patience = None if least == math.inf else max(least - time.monotonic(), 0)
         for future in wait(self._running, timeout=patience, return_when=FIRST_COMPLETED).done:
-            if future in self._running and not self._took(future):
+            if future in self._running and not (self._took(future) and self._send()):
                 return
         now = time.monotonic()
         late = [future for future, (_, deadline) in self._running.items() if deadline <= now and not future.done()]
@@ -237,14 +264,13 @@ class _Batch:
             self._hung(late)
 
     def _send(self) -> bool:
-        """Whether all workers have something to do, as far as there is any."""
+        """Give all workers something to do, as far as there is any; False when the executor is broken."""
         spread = self._spread
         try:
             workers = 1 if self._suspects or self._alone else spread._workers
             while len(self._running) < workers and (piece := self._following(workers)) is not None:
-                rows = self._genotypes[piece.start : piece.stop]
                 try:
-                    future = spread._started().submit(_evaluate, spread._content, spread.__name__, rows)
+                    future = self._submitted(piece)
                 except BaseException:
                     (self._suspects if self._alone else self._again).appendleft(piece)
                     raise
@@ -254,23 +280,38 @@ class _Batch:
             return False
         return True
 
+    def _submitted(self, piece: _Piece) -> Future:
+        spread = self._spread
+        executor, rows = spread._started(), self._genotypes[piece.start : piece.stop]
+        if piece.declined >= _DECLINED or spread._workers == 1:
+            spread._trust.met_all()
+        elsewhere = spread._trust.elsewhere(piece.failed_on)
+        pause = min(max(spread._seconds or 0.0, _PAUSE[0]), _PAUSE[1])
+        submit = getattr(executor, "submit_elsewhere", lambda _, *arguments: executor.submit(*arguments))
+        return submit(elsewhere, _evaluate, spread._content, spread.__name__, rows, elsewhere, pause)
+
     def _following(self, workers: int) -> _Piece | None:
         self._alone = bool(self._suspects)
         if self._alone:
             return None if self._running else self._suspects.popleft()
-        if self._again:
-            return self._again.popleft()
+        free, self._free = self._free, None
+        for index, piece in enumerate(self._again):
+            if free not in piece.failed_on:
+                del self._again[index]
+                return piece
         left = len(self._genotypes) - self._next
-        if left == 0:
-            return None
-        piece = _Piece(self._next, self._next + self._spread._size(left, workers))
-        self._next = piece.stop
-        return piece
+        if left:
+            piece = _Piece(self._next, self._next + self._spread._size(left, workers))
+            self._next = piece.stop
+            return piece
+        # What is left has failed where a worker is free: others will be.
+        return self._again.popleft() if self._again and not self._running else None
 
     def _took(self, future: Future) -> bool:
         """Take a result; False when the executor is broken, and what was under way with it."""
+        spread = self._spread
         try:
-            found = future.result()
+            answer: _Answer = future.result()
         except BrokenExecutor as error:
             self._broke(error)
             return False
@@ -279,14 +320,35 @@ class _Batch:
             self._failed(piece, f"{type(error).__name__}: {error}")
             return True
         piece, _ = self._running.pop(future)
-        if isinstance(found, Refused):
-            raise found.error(found.text)
-        evaluation, seconds = found
-        spread = self._spread
-        spread._stillborn = 0
-        measured = seconds / piece.size
-        spread._seconds = measured if spread._seconds is None else 0.7 * spread._seconds + 0.3 * measured
-        self._done.append((piece, evaluation))
+        spread._trust.met(answer.worker)
+        self._free = answer.worker
+        if answer.evaluation is not None:
+            self._done.append((piece, answer.evaluation))
+            spread._took(answer.seconds / piece.size)
+            return self._set_aside(spread._trust.succeeded(answer.worker, piece.failed_on))
+        if answer.refused is not None:
+            if spread._seconds is None or answer.refused.error is not RuntimeError:
+                raise answer.refused.error(answer.refused.text)
+            self._again.append(piece._replace(failed_on=piece.failed_on | {answer.worker}))
+            return self._set_aside(spread._trust.refused(answer.worker), answer.refused.text)
+        if answer.error is not None:
+            self._failed(piece, answer.error, on=answer.worker)
+            return True
+        (self._suspects if self._alone else self._again).append(piece._replace(declined=piece.declined + 1))
+        self._free = None
+        return True
+
+    def _set_aside(self, bad: Sequence[Worker], reason: str = "what fails on it succeeds elsewhere") -> bool:
+        """Let no more be done by workers that fail what others do; False when the executor has been replaced for that."""
+        executor = self._spread._executor
+        for worker in bad:
+            _log.warning("%s: the worker that is %s is set aside: %s", self._spread.__name__, worker, reason)
+        if bad and hasattr(executor, "kill") and not hasattr(executor, "submit_elsewhere"):  # new ones are as good as others
+            self._again.extendleft(piece for piece, _ in self._running.values())
+            self._running.clear()
+            self._spread._end_executor()
+            self._spread._trust = Trust()
+            return False
         return True
 
     def _broke(self, error: BaseException) -> None:
@@ -320,9 +382,10 @@ class _Batch:
         self._running.clear()
         self._spread._end_executor()
 
-    def _failed(self, piece: _Piece, reason: str, *, suspect: bool = False) -> None:
-        """Try again, in two halves if that has been tried, or give an individual up."""
+    def _failed(self, piece: _Piece, reason: str, *, on: Worker | None = None, suspect: bool = False) -> None:
+        """Try again, elsewhere, in two halves if that has been tried, or give an individual up."""
         queue = self._suspects if suspect else self._again
+        piece = piece._replace(failed_on=piece.failed_on | ({on} if on else set()), declined=0)
         if piece.failures < self._spread._retries:
             queue.append(piece._replace(failures=piece.failures + 1))
         elif piece.size > 1:
@@ -367,24 +430,29 @@ class _Batch:
         return column
 
 
-def _evaluate(content: bytes, name: str, genotypes: np.ndarray) -> "tuple[Evaluation, float] | Refused":
-    """In a worker: evaluate, and say how long it took."""
+def _evaluate(content: bytes, name: str, genotypes: np.ndarray, elsewhere: frozenset, pause: float) -> _Answer:
+    """In a worker: evaluate, and say how long it took. No exception leaves it: not all can be sent."""
+    worker = this_worker()
+    if worker.among(elsewhere):
+        time.sleep(pause)  # so that others are there first when it is sent again
+        return _Answer(worker)
     task = load(content, name)
     if isinstance(task, Refused):
-        return task
+        return _Answer(worker, refused=task)
     since = time.perf_counter()
     try:
         result = task(genotypes)
     except SystemExit as error:  # or the worker would end
-        raise RuntimeError(f"it called sys.exit({error})") from None
+        return _Answer(worker, error=f"it called sys.exit({error})")
+    except Exception as error:
+        return _Answer(worker, error=f"{type(error).__name__}: {error}")
     seconds = time.perf_counter() - since
     if not isinstance(result, tuple) or len(result) not in (2, 3):
-        return Refused(
-            ValueError, f"it must return fitness, observation and optionally ground truth, got {type(result).__name__}"
-        )
+        text = f"it must return fitness, observation and optionally ground truth, got {type(result).__name__}"
+        return _Answer(worker, refused=Refused(ValueError, text))
     try:
         evaluation = checked(Evaluation(*result), len(genotypes))
     except ValueError as error:
-        return Refused(ValueError, str(error))
+        return _Answer(worker, refused=Refused(ValueError, str(error)))
     columns: Any = (None if column is None else np.asarray(column) for column in evaluation)
-    return Evaluation(*columns), seconds
+    return _Answer(worker, Evaluation(*columns), seconds=seconds)

@@ -1,7 +1,8 @@
 """Workers: processes of this machine, or of a cluster, as executors of `concurrent.futures` for `auroraqd.evaluate`.
 
-Two things that these can and others cannot: `prepare` waits until the workers are there and have the task, so that the time
-they take to start is not taken for a slow evaluation; `kill` ends workers that hang.
+Things that these can and others cannot: `prepare` waits until the workers are there and have the task, so that the time
+they take to start is not taken for a slow evaluation; `kill` ends workers that hang; `submit_elsewhere`, of a cluster, keeps
+work from some workers.
 """
 
 import logging
@@ -9,12 +10,14 @@ import multiprocessing
 import os
 import pickle
 import time
-from collections.abc import Callable, Sequence
+import uuid
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
 from auroraqd._checks import whole
+from auroraqd._trust import Worker, this_worker
 from auroraqd._workers import cores, one_thread, settle
 
 START = 120.0  # s, that workers may take to start
@@ -81,23 +84,24 @@ def load(content: bytes, name: str) -> "Callable | Refused":
     return kept[1]
 
 
-def _ready(content: bytes, name: str) -> "Refused | None":
-    """In a worker: load the task, and say if that cannot be."""
+def _ready(content: bytes, name: str) -> "Worker | Refused":
+    """In a worker: load the task, and say who that was, or that it cannot be."""
     found = load(content, name)
-    return found if isinstance(found, Refused) else None
+    return found if isinstance(found, Refused) else this_worker()
 
 
-def _ready_together(content: bytes, name: str) -> "Refused | None":
+def _ready_together(content: bytes, name: str) -> "Worker | Refused":
     """In a worker of ours: the same, and wait until all are ready, so that each loads it once."""
-    refused = _ready(content, name)
+    answer = _ready(content, name)
     _together.wait(START)
-    return refused
+    return answer
 
 
-def _check(refusals: "Sequence[Refused | None]") -> None:
-    for refused in refusals:
-        if refused is not None:
-            raise refused.error(refused.text)
+def _checked(answers: "Sequence[Worker | Refused]") -> list[Worker]:
+    for answer in answers:
+        if isinstance(answer, Refused):
+            raise answer.error(answer.text)
+    return [answer for answer in answers if isinstance(answer, Worker)]
 
 
 class _ProcessPool(ProcessPoolExecutor):
@@ -108,9 +112,10 @@ class _ProcessPool(ProcessPoolExecutor):
         context = multiprocessing.get_context("spawn")
         super().__init__(workers, context, initializer=_begin, initargs=(context.Barrier(workers),))
 
-    def prepare(self, content: bytes, name: str) -> None:
+    def prepare(self, content: bytes, name: str) -> list[Worker]:
         """Wait until all workers are there and have the task."""
-        _check([future.result() for future in [self.submit(_ready_together, content, name) for _ in range(self.workers)]])
+        waiting = [self.submit(_ready_together, content, name) for _ in range(self.workers)]
+        return _checked([future.result() for future in waiting])
 
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
         with one_thread():  # processes start when they are first needed
@@ -139,6 +144,8 @@ class _DaskExecutor(Executor):
     def __init__(self, client: Any):
         self._client = client
         self._sent: dict[Future, Any] = {}  # and not finished, with Dask's own futures
+        self._who: dict[str, Worker] = {}  # addresses of workers to their processes
+        self._plugin: str | None = None
 
     @property
     def workers(self) -> int:
@@ -148,11 +155,18 @@ class _DaskExecutor(Executor):
             self._client.wait_for_workers(1)
         return sum(self._client.nthreads().values())
 
-    def prepare(self, content: bytes, name: str) -> None:
-        """Make the task ready on all workers there are now."""
+    def prepare(self, content: bytes, name: str) -> list[Worker]:
+        """Make the task ready on all workers there are now, and on those that come before they are given any work."""
         assert self.workers
+        self._plugin = f"auroraqd-{uuid.uuid4()}"
+        self._client.register_plugin(_loader(content, name), name=self._plugin)
         found = self._client.run(_ready, content, name, on_error="ignore")  # one that has just died
-        _check([refused and refused._replace(text=f"{refused.text} (worker {worker})") for worker, refused in found.items()])
+        return _checked(
+            [
+                answer._replace(text=f"{answer.text} (worker {address})") if isinstance(answer, Refused) else answer
+                for address, answer in found.items()
+            ]
+        )
 
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
         future: Future = Future()
@@ -160,6 +174,17 @@ class _DaskExecutor(Executor):
         self._sent[future] = sent = self._client.submit(fn, *args, **kwargs, pure=False)
         sent.add_done_callback(partial(self._finished, future))
         return future
+
+    def submit_elsewhere(self, avoided: Collection[object], fn: Callable, /, *args: Any) -> Future:
+        """Submit to workers that are not among those avoided, nor on a host that is; if there are others."""
+        if not avoided:
+            return self.submit(fn, *args)
+        there = self._client.nthreads()
+        if not self._who.keys() >= there.keys():
+            self._who = self._client.run(this_worker, on_error="ignore")
+        others = [address for address in there if address in self._who and not self._who[address].among(avoided)]
+        # They may be gone by the time it is sent: anyone may take it then.
+        return self.submit(fn, *args, workers=others, allow_other_workers=True) if others else self.submit(fn, *args)
 
     def _finished(self, future: Future, sent: Any) -> None:
         self._sent.pop(future, None)
@@ -189,4 +214,18 @@ class _DaskExecutor(Executor):
                 time.sleep(0.05)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        pass  # the client belongs to who made it
+        plugin, self._plugin = self._plugin, None
+        if plugin is not None:
+            self._client.unregister_worker_plugin(plugin)
+        # the client belongs to who made it
+
+
+def _loader(content: bytes, name: str) -> Any:
+    """What loads the task when a worker joins a cluster, so that it is not taken for a slow evaluation."""
+    from distributed import WorkerPlugin
+
+    class Loader(WorkerPlugin):
+        def setup(self, worker: Any) -> None:
+            load(content, name)  # one that cannot says so when it is given work
+
+    return Loader()
