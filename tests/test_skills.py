@@ -9,10 +9,11 @@ from PIL import Image
 from sklearn.decomposition import PCA
 
 import auroraqd
+from auroraqd.repertoire import diverse
 from auroraqd.report import skills
 from auroraqd.report.diversity import diversity_figure
 from auroraqd.report.scenes import scene_of
-from auroraqd.report.skills import animate, diverse, skills_figure
+from auroraqd.report.skills import animate, skills_figure
 from auroraqd.tasks import air_hockey
 
 

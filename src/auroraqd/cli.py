@@ -69,7 +69,10 @@ FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end."
 @app.command()
 def run(
     task: Annotated[
-        str, typer.Argument(help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1.")
+        str,
+        typer.Argument(
+            help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1; or mymodule:my_task."
+        ),
     ],
     descriptor: Annotated[
         str,
@@ -232,10 +235,10 @@ def animate(
         raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
     repertoire, config = storage.load(folder), storage.load_config(folder)
     from auroraqd.report.scenes import scene_of
-    from auroraqd.report.skills import animate, diverse
+    from auroraqd.report.skills import animate
 
     scene = scene_of(config, repertoire)
-    rows = diverse(repertoire.descriptor, 12) if skill is None else [skill]
+    rows = repertoire.sample(12) if skill is None else [skill]
     path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
     with console.status("drawing") if console.is_terminal else nullcontext() as status:
 
@@ -490,9 +493,13 @@ def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
 
 def _compile(settings: "Settings") -> None:
     """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
-    from auroraqd.experiments.settings import PCA, Unstructured
+    from auroraqd.experiments.settings import PCA, TASKS, Unstructured
 
-    kernels = replace(settings, descriptor=PCA, components=1, pretrained=False, archive=Unstructured(), capacity=None)
+    # A task of the user's own may take long, and do things: it is not called for this.
+    task = settings.task if settings.task_kind in TASKS else "ballistic"
+    kernels = replace(
+        settings, task=task, descriptor=PCA, components=1, pretrained=False, archive=Unstructured(), capacity=None
+    )
     task, aurora = replace(kernels, batch_size=max(settings.batch_size, 20)).build()
     aurora.run(task, generations=3)
     copy.deepcopy(aurora.archive)  # builds its index anew, as long runs do now and then

@@ -24,7 +24,7 @@ from auroraqd._checks import number, whole
 from auroraqd._trust import Trust, Worker, this_worker
 from auroraqd._workers import cores
 from auroraqd.executors import START, Refused, dask, load, processes
-from auroraqd.tasks import Evaluation, checked, name_of
+from auroraqd.tasks import Evaluation, as_evaluation, name_of
 
 __all__ = ["Spread", "dask", "over", "processes"]
 
@@ -447,11 +447,8 @@ def _evaluate(content: bytes, name: str, genotypes: np.ndarray, elsewhere: froze
     except Exception as error:
         return _Answer(worker, error=f"{type(error).__name__}: {error}")
     seconds = time.perf_counter() - since
-    if not isinstance(result, tuple) or len(result) not in (2, 3):
-        text = f"it must return fitness, observation and optionally ground truth, got {type(result).__name__}"
-        return _Answer(worker, refused=Refused(ValueError, text))
     try:
-        evaluation = checked(Evaluation(*result), len(genotypes))
+        evaluation = as_evaluation(result, len(genotypes))
     except ValueError as error:
         return _Answer(worker, refused=Refused(ValueError, str(error)))
     columns: Any = (None if column is None else np.asarray(column) for column in evaluation)

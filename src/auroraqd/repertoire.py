@@ -1,14 +1,54 @@
 """The repertoire: what the user takes away from a run."""
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auroraqd._checks import whole
 from auroraqd.descriptor import Descriptor
+from auroraqd.scaling import Scaling
+from auroraqd.tasks import Genes, evaluated
+
+if TYPE_CHECKING:
+    import pandas
 
 REQUIRED = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id")
 OPTIONAL = ("ground_truth", "reconstruction_error")
+
+
+class Reached(NamedTuple):
+    """The skills whose outcome is closest to a desired one, the closest first.
+
+    Attributes:
+        rows: (k,) of the repertoire.
+        distance: (k,) to the desired outcome: in descriptor space, or, where it is only partly specified, the root mean square
+            over the entries given, each channel scaled to [-1, 1] by its range in the repertoire.
+        genotype: (k, n_genes), what to do.
+        observation: (k, ...), what it led to when it was found.
+        reconstruction: (k, ...), what the learned descriptor expects there; None if it cannot reconstruct.
+    """
+
+    rows: np.ndarray
+    distance: np.ndarray
+    genotype: np.ndarray
+    observation: np.ndarray
+    reconstruction: np.ndarray | None
+
+
+class Again(NamedTuple):
+    """Skills that were evaluated again.
+
+    Attributes:
+        fitness: (n, times).
+        observation: (n, times, ...).
+        error: (n, times), root mean square difference to the stored observation, in its units; NaN where it is invalid.
+    """
+
+    fitness: np.ndarray
+    observation: np.ndarray
+    error: np.ndarray
 
 
 class Repertoire:
@@ -98,7 +138,119 @@ class Repertoire:
         """
         return self._loaded().reconstruct(np.asarray(descriptor, np.float64))
 
+    def reach(self, observation: ArrayLike, k: int = 1) -> Reached:
+        """The k skills whose outcome is closest to a desired one.
+
+        Through the learned descriptor; where the descriptor is not learned, or the outcome is only partly specified, on the
+        entries of the observation that are given.
+
+        Args:
+            observation: (...), in the shape and units of the task; NaN for what does not matter.
+            k: how many.
+
+        Raises:
+            ValueError: wrong shape, an infinity, nothing but NaN, or k larger than the repertoire; or the transformer is of a
+                type that is not trusted, see `auroraqd.load`.
+        """
+        whole("k", k, most=len(self))
+        wanted, shape = np.asarray(observation, np.float64), self.observation.shape[1:]
+        if wanted.shape != shape:
+            raise ValueError(f"observation must have shape {shape}, as those of the repertoire, got {wanted.shape}")
+        given = ~np.isnan(wanted)
+        if np.isinf(wanted).any() or not given.any():
+            raise ValueError("observation must have finite entries, or NaN for what does not matter, but not NaN alone")
+        descriptor = self._loaded()
+        if given.all() and descriptor.learned:
+            distance = np.linalg.norm(self.descriptor - descriptor.describe_observation(wanted[None])[0], axis=1)
+        else:
+            half = Scaling.of(self.observation).scaler(wanted.size).half[given.ravel()]
+            difference = (self.observation.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
+            distance = np.sqrt(np.mean(difference**2, axis=1))
+        rows = np.argsort(distance, kind="stable")[:k]
+        expected = descriptor.reconstruct(self.descriptor[rows]) if descriptor.decode is not None else None
+        return Reached(rows, distance[rows], self.genotype[rows], self.observation[rows], expected)
+
+    def sample(self, n: int) -> np.ndarray:
+        """Rows of n skills spread over descriptor space, always the same; fewer, if the rest are copies. See `diverse`."""
+        return diverse(self.descriptor, whole("n", n))
+
+    def evaluate(self, task: Callable[[np.ndarray], Any], rows: ArrayLike | None = None, times: int = 1) -> Again:
+        """Run skills again, to see how repeatable they are, or what another robot makes of them.
+
+        Args:
+            task: see `auroraqd.tasks`; its observations must have the shape of those stored.
+            rows: (n,) of the repertoire, all of it by default.
+            times: how often.
+
+        Raises:
+            IndexError, ValueError: there are no such rows, or an argument is out of range.
+            TaskError: the task raised, or returned something else than promised.
+        """
+        chosen = np.arange(len(self)) if rows is None else np.atleast_1d(np.asarray(rows))
+        if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
+            raise ValueError(f"rows must be whole numbers of shape (n,), got shape {chosen.shape} of {chosen.dtype}")
+        genotype, stored = self.genotype[chosen], self.observation[chosen]
+        found = [evaluated(task, genotype, again) for again in range(whole("times", times))]
+        for evaluation in found:
+            if evaluation.observation.shape != stored.shape:
+                raise ValueError(f"observation must have shape {stored.shape}, as stored, got {evaluation.observation.shape}")
+        fitness = np.stack([evaluation.fitness for evaluation in found], axis=1)
+        observation = np.stack([evaluation.observation for evaluation in found], axis=1)
+        difference = (observation.astype(np.float64) - stored[:, None]).reshape(*fitness.shape, -1)
+        error = np.sqrt(np.mean(np.where(np.isfinite(difference), difference, np.nan) ** 2, axis=2))
+        return Again(fitness, observation, error)
+
+    def to_pandas(self, genes: Genes | None = None, observation: bool = True) -> "pandas.DataFrame":
+        """A table, a skill a row, which pandas writes to CSV, Parquet and others. Needs pandas, the extra `tables`.
+
+        Args:
+            genes: their names are columns then, in their units, instead of genotype_0, ... in [0, 1].
+            observation: whether its entries are columns too: observation_0_1, ...
+
+        Raises:
+            ValueError: pandas is not installed, or genes are of another number.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise ValueError('pandas is not installed: pip install "auroraqd[tables]"') from None
+        columns: dict[str, np.ndarray] = {}
+        for name, rows in self._columns.items():
+            if name == "observation" and not observation:
+                continue
+            if name == "genotype" and genes is not None:
+                columns |= dict(zip(genes.names, genes.scale(rows).T, strict=True))
+            elif rows.ndim == 1:
+                columns[name] = rows
+            else:
+                for index in np.ndindex(*rows.shape[1:]):
+                    columns["_".join(map(str, (name, *index)))] = rows[(slice(None), *index)]
+        return pandas.DataFrame(columns)
+
     def _loaded(self) -> Descriptor:
         if self._descriptor is None:
             self._descriptor = self._load_descriptor()
         return self._descriptor
+
+
+def diverse(descriptor: np.ndarray, n: int) -> np.ndarray:
+    """Rows of n descriptors that are far from each other; of fewer, if the rest are copies.
+
+    The first is the one farthest from the mean, the next always the one farthest from all before.
+
+    Args:
+        descriptor: (m, d).
+        n: how many.
+    """
+    chosen: list[int] = []
+    distance = _squared(descriptor, descriptor.mean(axis=0))
+    while len(chosen) < min(n, len(descriptor)) and not (chosen and distance.max() == 0):
+        row = int(distance.argmax())
+        from_it = _squared(descriptor, descriptor[row])
+        distance = np.minimum(distance, from_it) if chosen else from_it
+        chosen.append(row)
+    return np.array(chosen, np.int64)
+
+
+def _squared(places: np.ndarray, place: np.ndarray) -> np.ndarray:
+    return ((places - place) ** 2).sum(axis=1)

@@ -1,6 +1,10 @@
 """The settings of one run as a value: from the command line, to JSON, and back to an `Aurora` ready to go."""
 
+import importlib
 import inspect
+import operator
+import os
+import sys
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
@@ -114,7 +118,8 @@ class Settings:
     """Everything that a run depends on.
 
     Args:
-        task: a name of `TASKS`, with its parameters if wanted, written like "air-hockey:restitution_threshold=1".
+        task: a name of `TASKS`, with its parameters if wanted, written like "air-hockey:restitution_threshold=1"; or a task of
+            the user's own, written like "mymodule:my_task", which is imported when it is built.
         descriptor: a name of `DESCRIPTORS`; "autoencoder" with parameters of `AutoEncoder` if wanted, written like
             "autoencoder:network=convolutional,isometry=0,hidden=64x32".
         components: dimensions of a learned descriptor.
@@ -146,7 +151,12 @@ class Settings:
     def __post_init__(self) -> None:
         if not isinstance(self.task, str):
             raise ValueError(f"task must be one of {', '.join(TASKS)}, got {self.task!r}")
-        _built("task", TASKS, self.task)
+        if self._own is None:
+            if self.task_kind not in TASKS:
+                raise ValueError(
+                    f"task must be one of {', '.join(TASKS)}, or your own, written like mymodule:my_task, got {self.task!r}"
+                )
+            _built("task", TASKS, self.task)
         if not isinstance(self.descriptor, str):
             raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
         if not isinstance(self.pretrained, bool):
@@ -159,13 +169,20 @@ class Settings:
         whole("seed", self.seed, least=0)
         if self.pretrained and kind in (HAND_CODED, GENOTYPE):
             raise ValueError(f"pretrained is for descriptors that are learned, not for {kind!r}")
-        if self.pretrained and not hasattr(TASKS[self.task_kind], "prior"):
+        if self.pretrained and self._own is None and not hasattr(TASKS[self.task_kind], "prior"):
             raise ValueError(f"pretrained is for tasks with a prior data set, and {self.task} has none")
 
     @property
     def task_kind(self) -> str:
-        """The task without its parameters."""
-        return self.task.partition(":")[0]
+        """The task without its parameters or module."""
+        return self.task.partition(":")[0] if self._own is None else self._own[1].rpartition(".")[2]
+
+    @property
+    def _own(self) -> tuple[str, str] | None:
+        """Module and name of a task that is not one of `TASKS`, or None."""
+        module, _, name = self.task.partition(":")
+        own = module not in TASKS and all(part.isidentifier() for part in (*module.split("."), *name.split(".")))
+        return (module, name) if own else None
 
     @property
     def descriptor_kind(self) -> str:
@@ -194,8 +211,12 @@ class Settings:
         return task, aurora
 
     def build_task(self) -> Any:
-        """The task alone."""
-        return _built("task", TASKS, self.task)
+        """The task alone.
+
+        Raises:
+            ValueError: a task of the user's own cannot be imported, or does not say how many genes it has.
+        """
+        return _built("task", TASKS, self.task) if self._own is None else _imported(*self._own)
 
     def _transformer(self) -> Any:
         if self.descriptor == PCA:
@@ -276,6 +297,34 @@ def strategy(name: str, text: str) -> Any:
         ValueError: no such strategy or option, or a value out of range.
     """
     return _built(name, STRATEGIES[name], text)
+
+
+def _imported(module: str, name: str) -> Any:
+    """A task of the user's own, from a module that is installed or in the current folder."""
+    text = f"{module}:{name}"
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        task = operator.attrgetter(name)(importlib.import_module(module))
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+            raise ValueError(f"task {text} cannot be imported: {error}") from None
+        raise ValueError(f"task {text}: there is no module {module}, neither installed nor in this folder") from None
+    except AttributeError:
+        raise ValueError(f"task {text}: the module {module} has no {name}") from None
+    except Exception as error:
+        raise ValueError(f"task {text} cannot be imported: {type(error).__name__}: {error}") from None
+    if isinstance(task, type):
+        try:
+            task = task()
+        except Exception as error:
+            raise ValueError(f"task {text} cannot be made without arguments: {type(error).__name__}: {error}") from None
+    if not callable(task):
+        raise ValueError(f"task {text} must be a function, or an object that can be called, got {task!r}")
+    if not hasattr(task, "n_genes"):
+        raise ValueError(f"task {text} must say how many genes it has: write {name}.n_genes = 8 in {module}, for instance")
+    whole(f"n_genes of task {text}", getattr(task, "n_genes"))  # noqa: B009 - a function may have it
+    return task
 
 
 def _built(name: str, kinds: Mapping[str, Any], text: str) -> Any:

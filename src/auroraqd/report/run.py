@@ -15,7 +15,7 @@ from auroraqd import storage
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.scenes import has_trajectories, scene_of
-from auroraqd.report.skills import SHEET, diverse, skills_figure
+from auroraqd.report.skills import SHEET, skills_figure
 from auroraqd.report.style import STYLE, save_figure, scatter, trajectories, two_dimensional_colors
 
 _MOST_TRAJECTORIES = 600
@@ -35,7 +35,7 @@ def write_figures(folder: str | Path) -> list[Path]:
         figures = {"repertoire": repertoire_figure(repertoire), **figures}
     if has_trajectories(repertoire):
         scene = scene_of(storage.load_config(folder), repertoire)
-        figures["skills"] = skills_figure(repertoire, scene, diverse(repertoire.descriptor, SHEET))
+        figures["skills"] = skills_figure(repertoire, scene, repertoire.sample(SHEET))
     return [path for name, figure in figures.items() for path in save_figure(figure, target, name)]
 
 

@@ -30,29 +30,6 @@ _LAST = 1.0  # s, that the last frame stays
 _EARLY, _LATE, _ARM = "#c9d3e8", "#c8287a", "#444444"
 
 
-def diverse(descriptor: np.ndarray, n: int) -> np.ndarray:
-    """Rows of n descriptors that are far from each other; of fewer, if the rest are copies.
-
-    The first is the one farthest from the mean, the next always the one farthest from all before.
-
-    Args:
-        descriptor: (m, d).
-        n: how many.
-    """
-    chosen: list[int] = []
-    distance = _squared(descriptor, descriptor.mean(axis=0))
-    while len(chosen) < min(n, len(descriptor)) and not (chosen and distance.max() == 0):
-        row = int(distance.argmax())
-        from_it = _squared(descriptor, descriptor[row])
-        distance = np.minimum(distance, from_it) if chosen else from_it
-        chosen.append(row)
-    return np.array(chosen, np.int64)
-
-
-def _squared(places: np.ndarray, place: np.ndarray) -> np.ndarray:
-    return ((places - place) ** 2).sum(axis=1)
-
-
 def skills_figure(repertoire: Repertoire, scene: Scene, rows: Sequence[int] | np.ndarray) -> Figure:
     """A contact sheet: of each skill, in the order given, the whole trajectory, darker over time, and where all ends."""
     with mpl.rc_context(STYLE):

@@ -1,8 +1,8 @@
 """Tasks: what a robot does and senses when it is given genotypes.
 
 A task is any callable from genotypes, (n, n_genes) in [0, 1], to an `Evaluation`, or to a tuple of fitness, observation
-and, if known, ground truth. A row with a NaN or an infinity in fitness or observation is an invalid individual: that is how a
-task reports a crash.
+and, if known, ground truth, or to an array of observations alone, which is to explore for its own sake. A row with a NaN or
+an infinity in fitness or observation is an invalid individual: that is how a task reports a crash.
 """
 
 from collections.abc import Callable
@@ -47,15 +47,26 @@ def evaluated(task: Callable[[np.ndarray], Any], genotypes: np.ndarray, generati
         raise TaskError(
             f"{where} raised {type(error).__name__}: {error} (it was called with genotypes of shape {genotypes.shape})"
         ) from error
-    if not isinstance(result, tuple) or len(result) not in (2, 3):
-        raise TaskError(
-            f"{where} must return a tuple of fitness, observation and optionally ground truth, got {type(result).__name__}"
-            + (f" of {len(result)}" if isinstance(result, tuple) else "")
-        )
     try:
-        return checked(Evaluation(*result), len(genotypes))
+        return as_evaluation(result, len(genotypes))
     except ValueError as error:
         raise TaskError(f"{where}: {error}") from None
+
+
+def as_evaluation(result: Any, n: int) -> Evaluation:
+    """What a task returned for n individuals, as arrays of numbers.
+
+    Raises:
+        ValueError: it is no evaluation, or one of wrong shape, number of rows, or dtype.
+    """
+    if not isinstance(result, tuple) and hasattr(result, "__array__"):
+        result = np.zeros(n), result
+    if not isinstance(result, tuple) or len(result) not in (2, 3):
+        raise ValueError(
+            "it must return a tuple of fitness, observation and optionally ground truth, or an array of observations, "
+            f"got {type(result).__name__}" + (f" of {len(result)}" if isinstance(result, tuple) else "")
+        )
+    return checked(Evaluation(*result), n)
 
 
 def checked(evaluation: Evaluation, n: int) -> Evaluation:
@@ -88,5 +99,6 @@ def _rows(name: str, values: Any, n: int) -> np.ndarray:
 
 from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402 - tasks use Evaluation
 from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
+from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
 
-__all__ = ["AirHockey", "Ballistic", "Evaluation", "TaskError"]
+__all__ = ["AirHockey", "Ballistic", "Evaluation", "Genes", "TaskError", "each", "from_jax"]

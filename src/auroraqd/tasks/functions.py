@@ -1,0 +1,201 @@
+"""A robot of one's own as a task: a function of one genotype, a JAX function, genes with names, bounds and units.
+
+A function of a batch of genotypes is a task as it is. What is here makes one of what is not.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auroraqd._checks import whole
+
+_LEAST_ROWS = 16  # of a batch in JAX, which compiles anew for each number of rows: numbers are rounded up to powers of two
+
+
+@dataclass(frozen=True)
+class Gene:
+    """One parameter of a controller.
+
+    Args:
+        low, high: bounds, in its unit; low < high.
+        unit: in words, "rad" for instance.
+    """
+
+    low: float
+    high: float
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
+            raise ValueError(f"the bounds of a gene must be finite, and low less than high, got {self.low} and {self.high}")
+
+
+class Genes:
+    """The parameters of a controller, by name.
+
+        genes = Genes(amplitude=(0, 1.5, "rad"), frequency=(0.5, 2, "Hz"))
+        amplitude, frequency = genes.scale(genotypes).T
+
+    Args:
+        genes: name to low and high, and a unit if wanted.
+
+    Raises:
+        ValueError: no genes, or bounds that are none.
+    """
+
+    def __init__(self, **genes: "tuple[float, float] | tuple[float, float, str]"):
+        if not genes:
+            raise ValueError("there must be at least one gene")
+        found = {}
+        for name, gene in genes.items():
+            try:
+                found[name] = Gene(gene[0], gene[1], *gene[2:])
+            except (TypeError, IndexError, ValueError) as error:
+                raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {gene!r}: {error}") from None
+        self._genes: Mapping[str, Gene] = found
+
+    def __len__(self) -> int:
+        return len(self._genes)
+
+    def __repr__(self) -> str:
+        return f"Genes({', '.join(f'{name}=({g.low:g}, {g.high:g}, {g.unit!r})' for name, g in self._genes.items())})"
+
+    @property
+    def names(self) -> list[str]:
+        """In the order of the genotype."""
+        return list(self._genes)
+
+    @property
+    def units(self) -> list[str]:
+        """In the order of the genotype."""
+        return [gene.unit for gene in self._genes.values()]
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(n_genes, 2), low and high."""
+        return np.array([(gene.low, gene.high) for gene in self._genes.values()], np.float64)
+
+    def scale(self, genotypes: ArrayLike) -> np.ndarray:
+        """Genotypes, (..., n_genes) in [0, 1], to values in their units, (..., n_genes).
+
+        Raises:
+            ValueError: another number of genes.
+        """
+        low, high = self.bounds.T
+        return low + self._checked("genotypes", genotypes) * (high - low)
+
+    def unscale(self, values: ArrayLike) -> np.ndarray:
+        """Values in their units, (..., n_genes), to genotypes in [0, 1]: for controllers that are known.
+
+        Raises:
+            ValueError: another number of genes, or values out of bounds.
+        """
+        low, high = self.bounds.T
+        array = self._checked("values", values)
+        outside = (array < low) | (array > high) | np.isnan(array)
+        if outside.any():
+            where = tuple(np.argwhere(outside)[0])
+            name = self.names[where[-1]]
+            raise ValueError(f"{name} must be in [{low[where[-1]]:g}, {high[where[-1]]:g}], got {array[where]:g}")
+        return np.clip((array - low) / (high - low), 0.0, 1.0)
+
+    def _checked(self, name: str, rows: ArrayLike) -> np.ndarray:
+        array = np.asarray(rows, np.float64)
+        if array.ndim == 0 or array.shape[-1] != len(self):
+            raise ValueError(f"{name} must have {len(self)} genes ({', '.join(self.names)}), got shape {array.shape}")
+        return array
+
+
+class _OfOne:
+    """A task of a function of one genotype."""
+
+    def __init__(self, function: Callable[[np.ndarray], Any], n_genes: int | None = None):
+        if not callable(function):
+            raise TypeError(f"function must be callable, got {function!r}")
+        self.function = function
+        self.__name__ = getattr(function, "__name__", type(function).__name__)
+        if n_genes is not None:
+            self.n_genes = whole("n_genes", n_genes)
+
+
+class Each(_OfOne):
+    """A task of a function of one genotype; what `each` returns."""
+
+    def __call__(self, genotypes: np.ndarray) -> tuple | np.ndarray:
+        """The evaluation of genotypes, (n, n_genes), one after the other.
+
+        Raises:
+            ValueError: what it returns differs in kind or shape between genotypes.
+        """
+        results = [self.function(genotype) for genotype in genotypes]
+        kinds = {len(result) if isinstance(result, tuple) else None for result in results}
+        if len(kinds) != 1:
+            raise ValueError("it must return a tuple of the same length for each genotype, or always observation alone")
+        if kinds == {None}:
+            return _stacked("observation", results)
+        names = ("fitness", "observation", "ground_truth")
+        return tuple(_stacked(name, column) for name, column in zip(names, zip(*results, strict=True), strict=False))
+
+
+def each(function: Callable[[np.ndarray], Any], n_genes: int | None = None) -> Each:
+    """A task of a function of one genotype, (n_genes,) in [0, 1].
+
+    Args:
+        function: returns observation, (...), or a tuple of fitness, observation and, if known, ground truth. NaN: invalid.
+        n_genes: kept as an attribute; the command line needs it.
+
+    Raises:
+        TypeError, ValueError: an argument is of the wrong kind or out of range.
+    """
+    return Each(function, n_genes)
+
+
+class FromJax(_OfOne):
+    """A task of a JAX function of one genotype; what `from_jax` returns."""
+
+    _compiled: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_compiled": None}  # each process compiles its own
+
+    def __call__(self, genotypes: np.ndarray) -> tuple | np.ndarray:
+        """The evaluation of genotypes, (n, n_genes), all at once."""
+        import jax
+
+        if self._compiled is None:
+            self._compiled = jax.jit(jax.vmap(self.function))
+        n = len(genotypes)
+        if n == 0:
+            raise ValueError("there must be at least one genotype")
+        rows = max(_LEAST_ROWS, 1 << (n - 1).bit_length())
+        padded = np.concatenate([genotypes, np.repeat(genotypes[:1], rows - n, axis=0)])
+        found = self._compiled(padded)
+        if isinstance(found, tuple):
+            return tuple(np.asarray(column)[:n] for column in found)
+        return np.asarray(found)[:n]
+
+
+def from_jax(function: Callable[[Any], Any], n_genes: int | None = None) -> FromJax:
+    """A task of a JAX function of one genotype, (n_genes,) in [0, 1]; `jit` and `vmap` are applied.
+
+    It runs on the device that JAX has, in the precision that JAX is set to (float32 unless it was told otherwise).
+
+    Args:
+        function: returns observation, (...), or a tuple of fitness, observation and, if known, ground truth. NaN: invalid.
+        n_genes: kept as an attribute; the command line needs it.
+
+    Raises:
+        TypeError, ValueError: an argument is of the wrong kind or out of range.
+    """
+    return FromJax(function, n_genes)
+
+
+def _stacked(name: str, rows: Any) -> np.ndarray:
+    try:
+        return np.stack([np.asarray(row) for row in rows])
+    except ValueError:
+        shapes = sorted({str(np.shape(row)) for row in rows})
+        raise ValueError(f"{name} must have the same shape for each genotype, got {' and '.join(shapes[:3])}") from None

@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.decomposition import PCA
+
+import auroraqd
+from auroraqd.tasks import Ballistic, Genes
+
+
+def saved(folder, descriptor):
+    task = Ballistic()
+    auroraqd.save(auroraqd.Aurora(task.n_genes, descriptor, seed=0).run(task, generations=5), folder)
+    return auroraqd.load(folder)
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory):
+    return saved(tmp_path_factory.mktemp("learned") / "run", PCA(2))
+
+
+@pytest.fixture(scope="module")
+def coded(tmp_path_factory):
+    return saved(tmp_path_factory.mktemp("coded") / "run", "hand-coded")
+
+
+def test_a_stored_outcome_is_reached(learned, coded):
+    for repertoire in (learned, coded):
+        for row in (0, len(repertoire) - 1):
+            found = repertoire.reach(repertoire.observation[row], k=3)
+            assert found.rows[0] == row
+            assert found.distance[0] < 1e-9
+            assert (np.diff(found.distance) >= 0).all()
+            assert_array_equal(found.genotype, repertoire.genotype[found.rows])
+            assert_array_equal(found.observation, repertoire.observation[found.rows])
+    assert coded.reach(coded.observation[0]).reconstruction is None
+    found = learned.reach(learned.observation[0], k=2)
+    assert_allclose(found.reconstruction, learned.reconstruct(learned.descriptor[found.rows]))
+
+
+def test_a_partly_specified_outcome(learned):
+    """Only where it lands: the closest end point, whatever the way there, as a plain search has it."""
+    wanted = np.full(learned.observation.shape[1:], np.nan)
+    wanted[-1] = learned.observation[:, -1].mean(axis=0)
+    found = learned.reach(wanted, k=5)
+    spans = np.ptp(learned.observation.reshape(-1, 2), axis=0) / 2
+    distance = np.sqrt((((learned.observation[:, -1] - wanted[-1]) / spans) ** 2).mean(axis=1))
+    assert_array_equal(found.rows, distance.argsort(kind="stable")[:5])
+    assert_allclose(found.distance, np.sort(distance)[:5])
+
+
+def test_outcomes_that_are_none(learned):
+    wanted = learned.observation[0].copy()
+    for observation, k, message in (
+        (wanted[:3], 1, "observation must have shape"),
+        (np.full_like(wanted, np.nan), 1, "not NaN alone"),
+        (np.full_like(wanted, np.inf), 1, "finite"),
+        (wanted, len(learned) + 1, "k must be"),
+        (wanted, 0, "k must be"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            learned.reach(observation, k)
+
+
+def test_samples_are_spread(learned):
+    rows = learned.sample(10)
+    assert len(set(rows.tolist())) == 10
+    assert_array_equal(rows, learned.sample(20)[:10])
+    with pytest.raises(ValueError, match="n must be"):
+        learned.sample(0)
+
+
+def test_skills_are_evaluated_again(learned):
+    rows = learned.sample(4)
+    again = learned.evaluate(Ballistic(), rows, times=2)
+    assert again.fitness.shape == again.error.shape == (4, 2)
+    assert_array_equal(again.error, 0.0)
+    assert_array_equal(again.observation[:, 1], learned.observation[rows])
+
+    def shifted(genotypes):
+        fitness, observation, _ = Ballistic()(genotypes)
+        observation[0] = np.nan
+        return fitness, observation + 3.0
+
+    error = learned.evaluate(shifted, rows).error
+    assert np.isnan(error[0, 0])
+    assert_allclose(error[1:], 3.0)
+    assert learned.evaluate(Ballistic()).error.shape == (len(learned), 1)
+
+
+def test_evaluations_that_are_none(learned):
+    with pytest.raises(ValueError, match="as stored"):
+        learned.evaluate(lambda g: g, [0])
+    with pytest.raises(IndexError):
+        learned.evaluate(Ballistic(), [len(learned)])
+    with pytest.raises(ValueError, match="rows must be whole numbers"):
+        learned.evaluate(Ballistic(), [0.5])
+    with pytest.raises(auroraqd.TaskError, match="no motor"):
+        learned.evaluate(lambda g: (_ for _ in ()).throw(OSError("no motor")), [0])
+
+
+def test_tables(learned, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    genes = Genes(angle=(0, 90, "deg"), force=(0, 10, "N"))
+    table = learned.to_pandas(genes)
+    assert len(table) == len(learned)
+    assert_allclose(table["angle"], 90 * learned.genotype[:, 0])
+    assert_array_equal(table["observation_49_1"], learned.observation[:, 49, 1])
+    few = learned.to_pandas(observation=False)
+    assert "genotype_1" in few
+    assert not any(name.startswith("observation") for name in few)
+    few.to_csv(tmp_path / "a.csv", index=False)
+    few.to_parquet(tmp_path / "a.parquet")
+    for read in (pandas.read_csv(tmp_path / "a.csv"), pandas.read_parquet(tmp_path / "a.parquet")):
+        assert_allclose(read["descriptor_0"], learned.descriptor[:, 0])
+    with pytest.raises(ValueError, match="genotypes must have 1 genes"):
+        learned.to_pandas(Genes(a=(0, 1)))
