@@ -209,7 +209,10 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "juggling"], "task must be one of ballistic, air-hockey, got 'juggling'"),
+        (
+            ["run", "juggling"],
+            "task must be one of ballistic, air-hockey, or your own, written like mymodule:my_task, got 'juggling'",
+        ),
         (
             ["run", "ballistic", "--descriptor", "magic"],
             "descriptor must be one of pca, autoencoder, hand-coded, genotype, observation, got 'magic'",
@@ -282,7 +285,7 @@ def test_a_task_with_a_parameter(tmp_path):
 @pytest.mark.parametrize(
     ("task", "message"),
     [
-        ("hockey", "task must be one of ballistic, air-hockey, got 'hockey'"),
+        ("hockey", "task must be one of ballistic, air-hockey, or your own, written like mymodule:my_task, got 'hockey'"),
         ("air-hockey:mass=1", "task 'air-hockey' has no option 'mass'; its options are: restitution_threshold"),
         ("air-hockey:restitution_threshold=-1", "restitution_threshold must be a finite number, 0 or more, got -1"),
         ("ballistic:wind=1", "task 'ballistic' has no option 'wind'; its options are: none"),

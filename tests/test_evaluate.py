@@ -163,6 +163,14 @@ def test_a_worker_that_fails_what_others_do(request, tmp_path, caplog, kind, chu
     ]
 
 
+def test_a_worker_that_cannot_load_what_others_can(tmp_path, caplog):
+    factory = partial(ProcessPoolExecutor, 2, multiprocessing.get_context("spawn"))
+    with evaluate.over(factory, robots.OnOneWorkerOnly(tmp_path / "mark"), chunk=1) as task:
+        check(task(GENOTYPES))
+        assert task.failed == 0
+    assert "is set aside: the workers cannot load the task OnOneWorkerOnly: ImportError: No module" in caplog.text
+
+
 def test_exceptions_that_cannot_be_sent(executor, caplog):
     with evaluate.over(executor, robots.raises_unpicklable) as task:
         check(task(GENOTYPES), BAD)
@@ -242,7 +250,11 @@ def test_command_line(cluster, tmp_path):
         (robots.always_raises, RuntimeError, r"all of 32 individuals failed, the last: ArithmeticError: no robot"),
         (robots.wrong_shape, ValueError, r"fitness must have \d+ rows"),
         (robots.mixed_shapes, ValueError, r"rows of one shape, .*, got both \(2,\) and \(3,\)"),
-        (robots.no_tuple, ValueError, "it must return fitness, observation and optionally ground truth, got NoneType"),
+        (
+            robots.no_tuple,
+            ValueError,
+            "it must return a tuple of fitness, observation and optionally ground truth, or .*, got NoneType",
+        ),
         (
             robots.NotThere(),
             RuntimeError,

@@ -77,8 +77,8 @@ def test_jax_tasks_can_be_sent():
     [
         (lambda g: np.zeros(2 + (g[0] > 0.5)), "observation must have the same shape for each genotype, got .*2.* and .*3"),
         (lambda g: np.zeros(2) if g[0] > 0.5 else (0.0, np.zeros(2)), "a tuple of the same length for each genotype"),
-        (lambda g: None, "observation must be numbers"),
-        (lambda g: {"x": 1}, "observation must be numbers"),
+        (lambda g: None, "must return a tuple of fitness, observation"),
+        (lambda g: {"x": 1}, "must return a tuple of fitness, observation"),
     ],
 )
 def test_functions_that_return_something_else(function, message):

@@ -94,7 +94,7 @@ def test_evaluations_that_are_none(learned):
         learned.evaluate(Ballistic(), [len(learned)])
     with pytest.raises(ValueError, match="rows must be whole numbers"):
         learned.evaluate(Ballistic(), [0.5])
-    with pytest.raises(auroraqd.TaskError, match="no motor"):
+    with pytest.raises(auroraqd.TaskError, match="task <lambda> with skills of the repertoire raised OSError: no motor"):
         learned.evaluate(lambda g: (_ for _ in ()).throw(OSError("no motor")), [0])
 
 

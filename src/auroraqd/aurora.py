@@ -225,7 +225,7 @@ class Aurora:
                 self._ask_known(known)
                 known = None
             genotypes = self.ask() if self._pending is None else self._pending.genotype.copy()
-            evaluation = evaluated(task, genotypes, self.generation)
+            evaluation = evaluated(task, genotypes, f"at generation {self.generation}")
             try:
                 self._check_as_before(evaluation)
             except ValueError as error:

@@ -190,7 +190,7 @@ class Repertoire:
         if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
             raise ValueError(f"rows must be whole numbers of shape (n,), got shape {chosen.shape} of {chosen.dtype}")
         genotype, stored = self.genotype[chosen], self.observation[chosen]
-        found = [evaluated(task, genotype, again) for again in range(whole("times", times))]
+        found = [evaluated(task, genotype, "with skills of the repertoire") for _ in range(whole("times", times))]
         for evaluation in found:
             if evaluation.observation.shape != stored.shape:
                 raise ValueError(f"observation must have shape {stored.shape}, as stored, got {evaluation.observation.shape}")

@@ -1,7 +1,7 @@
 """Tasks: what a robot does and senses when it is given genotypes.
 
 A task is any callable from genotypes, (n, n_genes) in [0, 1], to an `Evaluation`, or to a tuple of fitness, observation
-and, if known, ground truth, or to an array of observations alone, which is to explore for its own sake. A row with a NaN or
+and, if known, ground truth, or to observations alone, (n, ...), which is to explore for its own sake. A row with a NaN or
 an infinity in fitness or observation is an invalid individual: that is how a task reports a crash.
 """
 
@@ -34,13 +34,13 @@ def name_of(task: Callable) -> str:
     return getattr(task, "__name__", type(task).__name__)
 
 
-def evaluated(task: Callable[[np.ndarray], Any], genotypes: np.ndarray, generation: int) -> Evaluation:
-    """Evaluate genotypes, (n, n_genes).
+def evaluated(task: Callable[[np.ndarray], Any], genotypes: np.ndarray, when: str) -> Evaluation:
+    """Evaluate genotypes, (n, n_genes); `when` that is, is for messages, "at generation 3" for instance.
 
     Raises:
         TaskError: the task raised, or returned something that is no evaluation of n individuals.
     """
-    where = f"task {name_of(task)} at generation {generation}"
+    where = f"task {name_of(task)} {when}"
     try:
         result = task(genotypes)
     except Exception as error:
@@ -59,11 +59,11 @@ def as_evaluation(result: Any, n: int) -> Evaluation:
     Raises:
         ValueError: it is no evaluation, or one of wrong shape, number of rows, or dtype.
     """
-    if not isinstance(result, tuple) and hasattr(result, "__array__"):
+    if not isinstance(result, tuple) and hasattr(result, "__array__") and np.ndim(result) > 1:  # (n,) may be fitness
         result = np.zeros(n), result
     if not isinstance(result, tuple) or len(result) not in (2, 3):
         raise ValueError(
-            "it must return a tuple of fitness, observation and optionally ground truth, or an array of observations, "
+            "it must return a tuple of fitness, observation and optionally ground truth, or observations alone, (n, ...), "
             f"got {type(result).__name__}" + (f" of {len(result)}" if isinstance(result, tuple) else "")
         )
     return checked(Evaluation(*result), n)
