@@ -100,5 +100,6 @@ def _rows(name: str, values: Any, n: int) -> np.ndarray:
 from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402 - tasks use Evaluation
 from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
 from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
+from auroraqd.tasks.gym import Gym, Sinusoids  # noqa: E402
 
-__all__ = ["AirHockey", "Ballistic", "Evaluation", "Genes", "TaskError", "each", "from_jax"]
+__all__ = ["AirHockey", "Ballistic", "Evaluation", "Genes", "Gym", "Sinusoids", "TaskError", "each", "from_jax"]
