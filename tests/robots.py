@@ -5,6 +5,7 @@ import signal
 import socket
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -106,16 +107,39 @@ class OneBadWorker:
         self.mark, self.pause = str(mark), pause
 
     def __call__(self, genotypes):
-        me, mark = f"{socket.gethostname()}:{os.getpid()}", Path(self.mark)
-        try:
-            with mark.open("x") as file:
-                file.write(me)
-        except FileExistsError:
-            pass
-        if mark.read_text() in (me, ""):
+        if took_mark(Path(self.mark)):
             raise OSError("the GPU has fallen off the bus")
         time.sleep(self.pause * len(genotypes))
         return good(genotypes)
+
+
+def took_mark(mark):
+    """Whether this process is the first that wanted the mark: all or nothing of its name is there for the others to read."""
+    me = f"{socket.gethostname()}:{os.getpid()}"
+    own = mark.with_name(f"{mark.name}-{os.getpid()}")
+    own.write_text(me)
+    with suppress(FileExistsError):
+        os.link(own, mark)
+    return mark.read_text() == me
+
+
+class OneBadWorkerAndABadMoment:
+    """The same; and the other worker, too, fails an individual once, the first that it gets."""
+
+    def __init__(self, mark):
+        self.mark = str(mark)
+
+    def __call__(self, genotypes):
+        if took_mark(Path(self.mark)):
+            raise OSError("the GPU has fallen off the bus")
+        if took_mark(Path(self.mark).with_name("moment")) and len(genotypes) == 1 and not _had_its_moment:
+            _had_its_moment.append(True)
+            raise OSError("lost the connection")
+        time.sleep(0.01 * len(genotypes))
+        return good(genotypes)
+
+
+_had_its_moment = []
 
 
 class Unpicklable(Exception):

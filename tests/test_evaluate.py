@@ -163,6 +163,17 @@ def test_a_worker_that_fails_what_others_do(request, tmp_path, caplog, kind, chu
     ]
 
 
+@pytest.mark.parametrize("kind", OURS)
+def test_no_individual_suffers_from_a_worker_that_is_set_aside_later(request, tmp_path, caplog, kind):
+    """One that fails there, and elsewhere by chance, is given up, and taken up again."""
+    factory = EXECUTORS[kind](lambda: request.getfixturevalue("cluster"))
+    with evaluate.over(factory, robots.OneBadWorkerAndABadMoment(tmp_path / "mark"), chunk=1) as task:
+        check(task(GENOTYPES))
+        assert task.failed == 0
+    assert (tmp_path / "moment").exists()
+    assert "is set aside: what fails on it succeeds elsewhere" in caplog.text
+
+
 def test_a_worker_that_cannot_load_what_others_can(tmp_path, caplog):
     factory = partial(ProcessPoolExecutor, 2, multiprocessing.get_context("spawn"))
     with evaluate.over(factory, robots.OnOneWorkerOnly(tmp_path / "mark"), chunk=1) as task:

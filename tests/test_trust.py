@@ -53,6 +53,13 @@ def test_there_is_no_elsewhere_if_it_failed_everywhere():
     assert trust.elsewhere({A, B}) == {A, B}
 
 
+def test_a_bad_worker_is_no_elsewhere_either():
+    trust = met(A, B)
+    for _ in range(3):
+        trust.succeeded(B, {A})
+    assert trust.elsewhere({B}) == trust.elsewhere({A, B}) == {A}
+
+
 def test_those_that_are_gone_are_not_accused():
     trust = met(B, C)
     assert all(trust.succeeded(B, {A}) == [] for _ in range(5))

@@ -72,10 +72,13 @@ class Trust:
         return found
 
     def elsewhere(self, failed_on: Collection[Worker]) -> frozenset[object]:
-        """Where a piece must not go: bad workers, and the hosts it failed on; on one host only, the workers it failed on."""
+        """Where a piece must not go: bad workers, and the hosts it failed on; on one host only, the workers it failed on.
+
+        If nobody would be left, only bad workers.
+        """
         hosts = {worker.host for worker in failed_on}
         names: set[object] = set(self.bad)
         names |= hosts if {worker.host for worker in self._seen} - hosts else set(failed_on)
         if self._complete and all(worker.among(names) for worker in self._seen):
-            return frozenset()
+            return frozenset(self.bad)
         return frozenset(names)

@@ -242,7 +242,7 @@ class _Batch:
         self._free: Worker | None = None  # who answered just now, and will take what is sent
         self._done: list[tuple[_Piece, Evaluation]] = []
         self._hanging = 0  # chunks that took too long
-        self.invalid: dict[int, str] = {}  # row to the reason
+        self.invalid: dict[int, tuple[_Piece, str]] = {}  # row to what was given up, and why
 
     @property
     def unfinished(self) -> bool:
@@ -331,6 +331,9 @@ class _Batch:
                 raise answer.refused.error(answer.refused.text)
             self._again.append(piece._replace(failed_on=piece.failed_on | {answer.worker}))
             return self._set_aside(spread._trust.refused(answer.worker), answer.refused.text)
+        if answer.error is not None and answer.worker in spread._trust.bad:  # sent before that was known
+            self._again.append(piece)
+            return True
         if answer.error is not None:
             self._failed(piece, answer.error, on=answer.worker)
             return True
@@ -343,6 +346,10 @@ class _Batch:
         executor = self._spread._executor
         for worker in bad:
             _log.warning("%s: the worker that is %s is set aside: %s", self._spread.__name__, worker, reason)
+        for row, (piece, _) in list(self.invalid.items()):  # it may have been the worker's fault
+            if piece.failed_on & set(bad):
+                del self.invalid[row]
+                self._again.append(piece._replace(failures=0, failed_on=piece.failed_on - set(bad)))
         if bad and hasattr(executor, "kill") and not hasattr(executor, "submit_elsewhere"):  # new ones are as good as others
             self._again.extendleft(piece for piece, _ in self._running.values())
             self._running.clear()
@@ -391,7 +398,7 @@ class _Batch:
         elif piece.size > 1:
             queue.extend(piece.halves())
         else:
-            self.invalid[piece.start] = reason
+            self.invalid[piece.start] = piece, reason
             most = _HANGING if self._hanging and self._spread._seconds is None else _HOPELESS
             if not self._done and len(self.invalid) >= min(most, len(self._genotypes)):
                 raise RuntimeError(f"all of {len(self.invalid)} individuals failed, the last: {reason}")
@@ -403,7 +410,7 @@ class _Batch:
         n, done = len(self._genotypes), sorted(self._done, key=lambda one: one[0].start)
         columns = [self._column(n, [(piece, evaluation[i]) for piece, evaluation in done]) for i in range(3)]
         if self.invalid:
-            row, reason = next(iter(self.invalid.items()))
+            row, (_, reason) = next(iter(self.invalid.items()))
             _log.warning(
                 "%s: %d of %d individuals could not be evaluated and are invalid; one of them: %s",
                 self._spread.__name__,
