@@ -23,6 +23,7 @@ from auroraqd.resolution import VAT
 from auroraqd.schedule import Doubling
 from auroraqd.selection import Curiosity
 from auroraqd.tasks import Evaluation, TaskError, checked, evaluated, name_of
+from auroraqd.tasks.noise import seeds_of
 from auroraqd.variation import Polynomial
 
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
@@ -187,9 +188,14 @@ class Aurora:
         """The genotypes asked for and not told yet, (n, n_genes), or None."""
         return None if self._pending is None else self._pending.genotype.copy()
 
+    @property
+    def seeds(self) -> np.ndarray | None:
+        """A seed for each individual of `pending`, (n,) uint64, for a task whose outcome depends on chance; or None."""
+        return None if self._pending is None else seeds_of(self.seed, self.evaluations, len(self._pending.genotype))
+
     def run(
         self,
-        task: Callable[[np.ndarray], Any],
+        task: Callable[..., Any],
         *,
         generations: int | None = None,
         evaluations: int | None = None,
@@ -204,7 +210,7 @@ class Aurora:
 
         Args:
             task: from genotypes (n, n_genes) to an `Evaluation`, or to a tuple of fitness, observation and, if known, ground
-                truth.
+                truth, or to observation alone. One whose attribute `seeded` is true is also given `seeds`, (n,) uint64.
             generations, evaluations, seconds: the budgets of this call, at least one of them; the first to be used up
                 ends it, at the end of a generation.
             initial: (m, n_genes) in [0, 1], known controllers, evaluated first. While nothing is stored, random ones fill
@@ -225,7 +231,8 @@ class Aurora:
                 self._ask_known(known)
                 known = None
             genotypes = self.ask() if self._pending is None else self._pending.genotype.copy()
-            evaluation = evaluated(task, genotypes, f"at generation {self.generation}")
+            seeds = seeds_of(self.seed, self.evaluations, len(genotypes))
+            evaluation = evaluated(task, genotypes, seeds, f"at generation {self.generation}")
             try:
                 self._check_as_before(evaluation)
             except ValueError as error:

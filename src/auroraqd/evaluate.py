@@ -24,7 +24,7 @@ from auroraqd._checks import number, whole
 from auroraqd._trust import Trust, Worker, this_worker
 from auroraqd._workers import cores
 from auroraqd.executors import START, Refused, dask, load, processes
-from auroraqd.tasks import Evaluation, as_evaluation, name_of
+from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
 
 __all__ = ["Spread", "dask", "over", "processes"]
 
@@ -162,8 +162,8 @@ class Spread:
         """End the workers. Called again, the task starts new ones."""
         self._end_executor()
 
-    def __call__(self, genotypes: np.ndarray) -> Evaluation:
-        """The evaluation of genotypes, (n, n_genes).
+    def __call__(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> Evaluation:
+        """The evaluation of genotypes, (n, n_genes), with their seeds, (n,), if the task wants them.
 
         Raises:
             RuntimeError: nothing can be evaluated: the workers cannot load the task, die at once, or all individuals fail.
@@ -171,7 +171,7 @@ class Spread:
         """
         genotypes = np.asarray(genotypes)
         try:
-            batch = _Batch(self, genotypes)
+            batch = _Batch(self, genotypes, seeds)
             while batch.unfinished:
                 batch.step()
         except BaseException:  # an interrupt, too: nothing goes on behind the back of who called
@@ -231,9 +231,10 @@ class Spread:
 class _Batch:
     """The evaluation of one batch by the workers, one step at a time."""
 
-    def __init__(self, spread: Spread, genotypes: np.ndarray):
+    def __init__(self, spread: Spread, genotypes: np.ndarray, seeds: np.ndarray | None):
         self._spread = spread
         self._genotypes = genotypes
+        self._seeds = seeds
         self._next = 0  # the first row that has not been sent
         self._again: deque[_Piece] = deque()
         self._suspects: deque[_Piece] = deque()  # one of them broke the executor: they are tried one at a time
@@ -282,13 +283,14 @@ class _Batch:
 
     def _submitted(self, piece: _Piece) -> Future:
         spread = self._spread
-        executor, rows = spread._started(), self._genotypes[piece.start : piece.stop]
+        executor, rows = spread._started(), slice(piece.start, piece.stop)
+        work = self._genotypes[rows], None if self._seeds is None else self._seeds[rows]
         if piece.declined >= _DECLINED or spread._workers == 1:
             spread._trust.met_all()
         elsewhere = spread._trust.elsewhere(piece.failed_on)
         pause = min(max(spread._seconds or 0.0, _PAUSE[0]), _PAUSE[1])
         submit = getattr(executor, "submit_elsewhere", lambda _, *arguments: executor.submit(*arguments))
-        return submit(elsewhere, _evaluate, spread._content, spread.__name__, rows, elsewhere, pause)
+        return submit(elsewhere, _evaluate, spread._content, spread.__name__, work, elsewhere, pause)
 
     def _following(self, workers: int) -> _Piece | None:
         self._alone = bool(self._suspects)
@@ -437,8 +439,10 @@ class _Batch:
         return column
 
 
-def _evaluate(content: bytes, name: str, genotypes: np.ndarray, elsewhere: frozenset, pause: float) -> _Answer:
-    """In a worker: evaluate, and say how long it took. No exception leaves it: not all can be sent."""
+def _evaluate(
+    content: bytes, name: str, work: tuple[np.ndarray, np.ndarray | None], elsewhere: frozenset, pause: float
+) -> _Answer:
+    """In a worker: evaluate genotypes, with their seeds, and time it. No exception leaves it: not all can be sent."""
     worker = this_worker()
     if worker.among(elsewhere):
         time.sleep(pause)  # so that others are there first when it is sent again
@@ -448,14 +452,14 @@ def _evaluate(content: bytes, name: str, genotypes: np.ndarray, elsewhere: froze
         return _Answer(worker, refused=task)
     since = time.perf_counter()
     try:
-        result = task(genotypes)
+        result = called(task, *work)
     except SystemExit as error:  # or the worker would end
         return _Answer(worker, error=f"it called sys.exit({error})")
     except Exception as error:
         return _Answer(worker, error=f"{type(error).__name__}: {error}")
     seconds = time.perf_counter() - since
     try:
-        evaluation = as_evaluation(result, len(genotypes))
+        evaluation = as_evaluation(result, len(work[0]))
     except ValueError as error:
         return _Answer(worker, refused=Refused(ValueError, str(error)))
     columns: Any = (None if column is None else np.asarray(column) for column in evaluation)

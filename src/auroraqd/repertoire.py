@@ -10,6 +10,7 @@ from auroraqd._checks import whole
 from auroraqd.descriptor import Descriptor
 from auroraqd.scaling import Scaling
 from auroraqd.tasks import Genes, evaluated
+from auroraqd.tasks.noise import seeds_of
 
 if TYPE_CHECKING:
     import pandas
@@ -174,13 +175,14 @@ class Repertoire:
         """Rows of n skills spread over descriptor space, always the same; fewer, if the rest are copies. See `diverse`."""
         return diverse(self.descriptor, whole("n", n))
 
-    def evaluate(self, task: Callable[[np.ndarray], Any], rows: ArrayLike | None = None, times: int = 1) -> Again:
+    def evaluate(self, task: Callable[..., Any], rows: ArrayLike | None = None, times: int = 1, *, seed: int = 0) -> Again:
         """Run skills again, to see how repeatable they are, or what another robot makes of them.
 
         Args:
             task: see `auroraqd.tasks`; its observations must have the shape of those stored.
             rows: (n,) of the repertoire, all of it by default.
             times: how often.
+            seed: of a task whose outcome depends on chance: each evaluation gets one of its own from it.
 
         Raises:
             IndexError, ValueError: there are no such rows, or an argument is out of range.
@@ -190,7 +192,8 @@ class Repertoire:
         if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
             raise ValueError(f"rows must be whole numbers of shape (n,), got shape {chosen.shape} of {chosen.dtype}")
         genotype, stored = self.genotype[chosen], self.observation[chosen]
-        found = [evaluated(task, genotype, "with skills of the repertoire") for _ in range(whole("times", times))]
+        seeds = seeds_of(whole("seed", seed, least=0), 0, whole("times", times) * len(chosen)).reshape(times, len(chosen))
+        found = [evaluated(task, genotype, theirs, "with skills of the repertoire") for theirs in seeds]
         for evaluation in found:
             if evaluation.observation.shape != stored.shape:
                 raise ValueError(f"observation must have shape {stored.shape}, as stored, got {evaluation.observation.shape}")

@@ -2,7 +2,8 @@
 
 A task is any callable from genotypes, (n, n_genes) in [0, 1], to an `Evaluation`, or to a tuple of fitness, observation
 and, if known, ground truth, or to observations alone, (n, ...), which is to explore for its own sake. A row with a NaN or
-an infinity in fitness or observation is an invalid individual: that is how a task reports a crash.
+an infinity in fitness or observation is an invalid individual: that is how a task reports a crash. A task with an attribute
+`seeded` that is true is given a seed for each individual as well: see `auroraqd.tasks.noise`.
 """
 
 from collections.abc import Callable
@@ -34,15 +35,26 @@ def name_of(task: Callable) -> str:
     return getattr(task, "__name__", type(task).__name__)
 
 
-def evaluated(task: Callable[[np.ndarray], Any], genotypes: np.ndarray, when: str) -> Evaluation:
-    """Evaluate genotypes, (n, n_genes); `when` that is, is for messages, "at generation 3" for instance.
+def called(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray | None) -> Any:
+    """What a task returns for genotypes, (n, n_genes), with their seeds, (n,) uint64, if it wants them."""
+    return task(genotypes, seeds) if getattr(task, "seeded", False) else task(genotypes)
+
+
+def evaluated(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray, when: str) -> Evaluation:
+    """Evaluate genotypes.
+
+    Args:
+        task: see the module docstring.
+        genotypes: (n, n_genes).
+        seeds: (n,) uint64, for a task that wants them.
+        when: that is, for messages, "at generation 3" for instance.
 
     Raises:
         TaskError: the task raised, or returned something that is no evaluation of n individuals.
     """
     where = f"task {name_of(task)} {when}"
     try:
-        result = task(genotypes)
+        result = called(task, genotypes, seeds)
     except Exception as error:
         raise TaskError(
             f"{where} raised {type(error).__name__}: {error} (it was called with genotypes of shape {genotypes.shape})"
@@ -101,5 +113,6 @@ from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402 - tasks use Evalua
 from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
 from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
 from auroraqd.tasks.gym import Gym, Sinusoids  # noqa: E402
+from auroraqd.tasks.noise import repeated  # noqa: E402
 
-__all__ = ["AirHockey", "Ballistic", "Evaluation", "Genes", "Gym", "Sinusoids", "TaskError", "each", "from_jax"]
+__all__ = ["AirHockey", "Ballistic", "Evaluation", "Genes", "Gym", "Sinusoids", "TaskError", "each", "from_jax", "repeated"]

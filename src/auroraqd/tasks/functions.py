@@ -112,10 +112,11 @@ class Genes:
 class _OfOne:
     """A task of a function of one genotype."""
 
-    def __init__(self, function: Callable[[np.ndarray], Any], n_genes: int | None = None):
+    def __init__(self, function: Callable[..., Any], n_genes: int | None = None, seeded: bool = False):
         if not callable(function):
             raise TypeError(f"function must be callable, got {function!r}")
         self.function = function
+        self.seeded = seeded
         self.__name__ = getattr(function, "__name__", type(function).__name__)
         if n_genes is not None:
             self.n_genes = whole("n_genes", n_genes)
@@ -124,13 +125,16 @@ class _OfOne:
 class Each(_OfOne):
     """A task of a function of one genotype; what `each` returns."""
 
-    def __call__(self, genotypes: np.ndarray) -> tuple | np.ndarray:
-        """The evaluation of genotypes, (n, n_genes), one after the other.
+    def __call__(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> tuple | np.ndarray:
+        """The evaluation of genotypes, (n, n_genes), one after the other; with their seeds, (n,), if it is seeded.
 
         Raises:
             ValueError: what it returns differs in kind or shape between genotypes.
         """
-        results = [self.function(genotype) for genotype in genotypes]
+        if seeds is None:
+            results = [self.function(genotype) for genotype in genotypes]
+        else:
+            results = [self.function(genotype, int(seed)) for genotype, seed in zip(genotypes, seeds, strict=True)]
         kinds = {len(result) if isinstance(result, tuple) else None for result in results}
         if len(kinds) != 1:
             raise ValueError("it must return a tuple of the same length for each genotype, or always observation alone")
@@ -140,17 +144,18 @@ class Each(_OfOne):
         return tuple(_stacked(name, column) for name, column in zip(names, zip(*results, strict=True), strict=False))
 
 
-def each(function: Callable[[np.ndarray], Any], n_genes: int | None = None) -> Each:
+def each(function: Callable[..., Any], n_genes: int | None = None, *, seeded: bool = False) -> Each:
     """A task of a function of one genotype, (n_genes,) in [0, 1].
 
     Args:
         function: returns observation, (...), or a tuple of fitness, observation and, if known, ground truth. NaN: invalid.
         n_genes: kept as an attribute; the command line needs it.
+        seeded: whether it is called as `function(genotype, seed)`, with a whole number that is the individual's own.
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
     """
-    return Each(function, n_genes)
+    return Each(function, n_genes, seeded)
 
 
 class FromJax(_OfOne):
@@ -161,8 +166,8 @@ class FromJax(_OfOne):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_compiled": None}  # each process compiles its own
 
-    def __call__(self, genotypes: np.ndarray) -> tuple | np.ndarray:
-        """The evaluation of genotypes, (n, n_genes), all at once."""
+    def __call__(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> tuple | np.ndarray:
+        """The evaluation of genotypes, (n, n_genes), all at once; with keys from their seeds, (n,), if it is seeded."""
         import jax
 
         if self._compiled is None:
@@ -170,15 +175,19 @@ class FromJax(_OfOne):
         n = len(genotypes)
         if n == 0:
             raise ValueError("there must be at least one genotype")
+        columns = [np.asarray(genotypes)]
+        if seeds is not None:
+            columns.append(np.ascontiguousarray(seeds, np.uint64).view(np.uint32).reshape(n, 2))
         rows = max(_LEAST_ROWS, 1 << (n - 1).bit_length())
-        padded = np.concatenate([genotypes, np.repeat(genotypes[:1], rows - n, axis=0)])
-        found = self._compiled(padded)
+        padded = [np.concatenate([column, np.repeat(column[:1], rows - n, axis=0)]) for column in columns]
+        keys = [jax.random.wrap_key_data(jax.numpy.asarray(data), impl="threefry2x32") for data in padded[1:]]
+        found = self._compiled(padded[0], *keys)
         if isinstance(found, tuple):
             return tuple(np.asarray(column)[:n] for column in found)
         return np.asarray(found)[:n]
 
 
-def from_jax(function: Callable[[Any], Any], n_genes: int | None = None) -> FromJax:
+def from_jax(function: Callable[..., Any], n_genes: int | None = None, *, seeded: bool = False) -> FromJax:
     """A task of a JAX function of one genotype, (n_genes,) in [0, 1]; `jit` and `vmap` are applied.
 
     It runs on the device that JAX has, in the precision that JAX is set to (float32 unless it was told otherwise).
@@ -186,11 +195,12 @@ def from_jax(function: Callable[[Any], Any], n_genes: int | None = None) -> From
     Args:
         function: returns observation, (...), or a tuple of fitness, observation and, if known, ground truth. NaN: invalid.
         n_genes: kept as an attribute; the command line needs it.
+        seeded: whether it is called as `function(genotype, key)`, with a JAX key that is the individual's own.
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
     """
-    return FromJax(function, n_genes)
+    return FromJax(function, n_genes, seeded)
 
 
 def _stacked(name: str, rows: Any) -> np.ndarray:

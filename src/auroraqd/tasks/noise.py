@@ -1,0 +1,76 @@
+"""Noise: tasks whose outcome depends on chance, which is made repeatable, or averaged.
+
+A task with an attribute `seeded` that is true is called as `task(genotypes, seeds)`, with a seed of its own for each
+individual, (n,) uint64. A seed follows from the seed of the run and the number of the evaluation, so the result of a run does
+not depend on who evaluates what.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from auroraqd._checks import whole
+from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
+
+_STREAM = 1  # so that the numbers differ from those of the run itself
+
+
+def seeds_of(seed: int, first: int, n: int) -> np.ndarray:
+    """Seeds of the evaluations `first` to `first + n - 1` of a run, (n,) uint64.
+
+    Args:
+        seed: of the run.
+        first: number of evaluations before.
+        n: how many.
+    """
+    generator = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+    return generator.advance(first).random_raw(n)
+
+
+class Repeated:
+    """A task that evaluates each individual several times and averages; what `repeated` returns."""
+
+    def __init__(self, task: Callable, times: int):
+        if not callable(task):
+            raise TypeError(f"task must be callable, got {task!r}")
+        self.task = task
+        self.times = whole("times", times)
+        self.__name__ = name_of(task)
+
+    def __getattr__(self, name: str) -> Any:
+        """What the task says about itself, `n_genes` and `seeded` for instance."""
+        if name.startswith("_") or name == "task":
+            raise AttributeError(name)
+        return getattr(self.task, name)
+
+    def __call__(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> Evaluation:
+        """The mean of several evaluations of genotypes, (n, n_genes).
+
+        Raises:
+            ValueError: the task returned something that is no evaluation.
+        """
+        n = len(genotypes)
+        if seeds is not None:
+            seeds = np.array([np.random.PCG64(int(seed)).random_raw(self.times) for seed in seeds]).reshape(-1)
+        result = called(self.task, np.repeat(genotypes, self.times, axis=0), seeds)
+        evaluation = as_evaluation(result, n * self.times)
+        return Evaluation(*(None if rows is None else self._mean(rows) for rows in evaluation))
+
+    def _mean(self, rows: np.ndarray) -> np.ndarray:
+        return rows.reshape(-1, self.times, *rows.shape[1:]).mean(axis=1, dtype=np.float64)
+
+
+def repeated(task: Callable[..., Any], times: int) -> Repeated:
+    """A task that evaluates each individual `times` times, and averages fitness, observation and ground truth.
+
+    One that is invalid once is invalid. Workers may be within or around: `repeated(over(...), 5)` spreads the repetitions too.
+
+    Args:
+        task: one whose outcome depends on chance, its own or that of the seeds it is given.
+        times: how often.
+
+    Raises:
+        TypeError, ValueError: an argument is of the wrong kind or out of range.
+    """
+    return Repeated(task, times)
