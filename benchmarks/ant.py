@@ -3,10 +3,10 @@
     pip install ".[robots]"
     python benchmarks/ant.py --seeds 5 --out results/ant
 
-Ant-v5 of Gymnasium, moved for five seconds by sinusoids. AURORA sees where the torso is at twenty moments and learns two numbers
-from that by PCA; the hand-coded descriptor is where it ends. The area covered is that of the squares, half a metre wide, in
-which an individual of the archive ends; of random controllers, all that were evaluated count. Runs that are in the folder are
-not done again.
+Ant-v5 of Gymnasium, moved for five seconds by sinusoids. AURORA sees where the torso is at twenty moments and learns two
+numbers from that by PCA; the hand-coded descriptor is where it ends. The area covered is that of the squares, half a metre
+wide, in which an individual of the archive ends; of random controllers, all that were evaluated count. Runs that are in the
+folder are not done again.
 """
 
 import argparse

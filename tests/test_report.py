@@ -3,6 +3,7 @@ import pytest
 
 import auroraqd
 from auroraqd.report import history_figure, repertoire_figure, write_figures
+from auroraqd.report.run import fitness_figure
 from auroraqd.report.style import two_dimensional_colors
 
 
@@ -39,8 +40,21 @@ def test_every_repertoire_has_a_figure(task, descriptor, titles, tmp_path):
     figure = repertoire_figure(found)
     assert [axes.get_title() for axes in figure.axes] == titles
     assert history_figure(records).axes
-    skills = ["skills"] * ("Trajectories" in titles)
-    assert [path.stem for path in write_figures(tmp_path)[::2]] == ["repertoire", "history", *skills]
+    skills, fitness = ["skills"] * ("Trajectories" in titles), ["fitness"] * bool(np.ptp(found.fitness))
+    assert [path.stem for path in write_figures(tmp_path)[::2]] == ["repertoire", "history", *fitness, *skills]
+
+
+def test_colors_are_fitness(tmp_path):
+    """Over both spaces, but for the few that are far from the others."""
+    found, _ = repertoire(lambda g: (g[:, 0] ** 2, g, g[:, ::-1]), "genotype", tmp_path, resolution=None)
+    descriptors, truth, bar = fitness_figure(found).axes
+    assert bar.get_ylabel() == "fitness"
+    for axes in (descriptors, truth):
+        np.testing.assert_array_equal(axes.collections[0].get_facecolor(), descriptors.collections[0].get_facecolor())
+    colors = descriptors.collections[0].get_facecolor()
+    green = colors[np.argsort(found.fitness), 1]  # of viridis: the more the fitter
+    assert (np.diff(green) >= 0).all()
+    assert len(np.unique(green)) > 50
 
 
 def test_colors_correspond_to_places():

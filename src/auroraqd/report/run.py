@@ -5,10 +5,13 @@ An individual has one colour in all panels, given by its place in ground-truth s
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from auroraqd import storage
@@ -33,6 +36,8 @@ def write_figures(folder: str | Path) -> list[Path]:
     figures = {"history": history_figure(records)}
     if len(repertoire):
         figures = {"repertoire": repertoire_figure(repertoire), **figures}
+    if len(repertoire) and np.ptp(repertoire.fitness) > 0:  # a constant fitness is for pure exploration
+        figures["fitness"] = fitness_figure(repertoire)
     if has_trajectories(repertoire):
         scene = scene_of(storage.load_config(folder), repertoire)
         figures["skills"] = skills_figure(repertoire, scene, repertoire.sample(SHEET))
@@ -57,6 +62,24 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
         for axes, (title, draw) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             axes.set_title(title)
             draw(axes, repertoire, colors)
+    return figure
+
+
+def fitness_figure(repertoire: Repertoire) -> Figure:
+    """Fitness over descriptor space, and over ground-truth space where there is one: what each behaviour is worth."""
+    truth = repertoire.ground_truth
+    panels: list[tuple[str, Any]] = [("Descriptor space", _draw_descriptors)]
+    if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
+        panels.append(("Ground truth", _draw_truth))
+    low, high = np.quantile(repertoire.fitness, [0.01, 0.99])  # or one bad individual would take all of the colours
+    scale = ScalarMappable(Normalize(low, high if high > low else low + np.ptp(repertoire.fitness)), "viridis")
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.4 * len(panels) + 0.8, 4.4), layout="constrained")
+        places = figure.subplots(1, len(panels), squeeze=False)[0]
+        for axes, (title, draw) in zip(places, panels, strict=True):
+            axes.set_title(title)
+            draw(axes, repertoire, scale.to_rgba(repertoire.fitness))
+        figure.colorbar(scale, ax=list(places), label="fitness", extend="both", shrink=0.8)
     return figure
 
 
