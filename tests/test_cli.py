@@ -14,7 +14,8 @@ from matplotlib import image
 from numpy.testing import assert_array_equal
 
 import auroraqd
-from auroraqd import cli, storage
+from auroraqd import storage
+from auroraqd.cli import UserError, discover
 from auroraqd.experiments import settings
 
 COMMAND = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
@@ -135,8 +136,8 @@ def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):
             return super().__call__(genotypes)
 
     monkeypatch.setitem(settings.TASKS, "ballistic", Breaking)
-    with pytest.raises(cli.UserError, match=r"generation 4 raised OSError: motor stalled.*what was found is in"):
-        cli._run(settings.Settings(generations=20), tmp_path / "run", overwrite=False, figures=False)
+    with pytest.raises(UserError, match=r"generation 4 raised OSError: motor stalled.*what was found is in"):
+        discover._run(settings.Settings(generations=20), tmp_path / "run", overwrite=False, figures=False)
     assert storage.load_history(tmp_path / "run")[-1].generation == 4
 
 
@@ -196,7 +197,9 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
     )
     assert process.stdout is not None
     assert "ballistic" in process.stdout.readline()
-    time.sleep(3)
+    deadline = time.monotonic() + 120
+    while not (out / storage.REPERTOIRE).exists() and time.monotonic() < deadline:  # it is written after the first generation
+        time.sleep(0.1)
     process.send_signal(stop)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130

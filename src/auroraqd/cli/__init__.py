@@ -1,0 +1,51 @@
+"""The command line, a module for what belongs together. Heavy imports are inside the commands: `--help` must answer at once."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from auroraqd import __version__
+from auroraqd.cli import discover, reproduce, show
+from auroraqd.cli._shared import UserError, console, errors
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Let a robot find out by itself what it can do: Quality-Diversity with learned behavioural descriptors (AURORA).",
+)
+for command in (discover.run, discover.repeat, discover.resume, show.show, show.animate, reproduce.reproduce):
+    app.command()(command)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        console.print(f"auroraqd {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """The `auroraqd` command."""
+    try:
+        app(standalone_mode=True)
+    except (UserError, ValueError, OSError) as error:
+        _fail(str(error))
+    except MemoryError as error:
+        _fail(f"there is not enough memory: {error}")
+
+
+def _fail(message: str) -> None:
+    errors.print("[bold red]Error:[/] ", end="")
+    errors.print(message, markup=False, highlight=False)
+    sys.exit(1)

@@ -1,0 +1,5 @@
+"""`python -m auroraqd.cli`."""
+
+from auroraqd.cli import main
+
+main()

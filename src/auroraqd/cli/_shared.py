@@ -1,0 +1,57 @@
+"""What the commands share: where they print, how they fail, options that mean the same everywhere."""
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+console = Console(soft_wrap=False)
+errors = Console(stderr=True, soft_wrap=True)
+
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the run folder if it exists.")]
+JobsOption = Annotated[
+    int | None, typer.Option(help="Processes that evaluate; the result is the same. [default: none but this]")
+]
+CheckpointOption = Annotated[float, typer.Option(min=0, help="Seconds between two checkpoints, at least.")]
+SchedulerOption = Annotated[
+    str | None, typer.Option(help="Address of a Dask scheduler, like tcp://node1:8786, whose workers evaluate.")
+]
+FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end.")]
+
+
+class UserError(Exception):
+    """A mistake of the user's, or trouble with their files: shown as one sentence."""
+
+
+def busy(text: str) -> AbstractContextManager[Any]:
+    """Say what takes long, on a terminal."""
+    return console.status(text) if console.is_terminal else nullcontext()
+
+
+@contextmanager
+def warnings_said() -> Iterator[None]:
+    """Warnings as a sentence, and not with the line of code that gave them."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    for warning in caught:
+        errors.print(f"Warning: {warning.message}", markup=False, highlight=False)
+
+
+def executor_factory(jobs: int | None, scheduler: str | None) -> "Callable[[], Executor] | None":
+    """Of the executor that the options ask for; None: no other process."""
+    if jobs is None and scheduler is None:
+        return None
+    from auroraqd import evaluate
+
+    if jobs is not None and scheduler is not None:
+        raise UserError("give --jobs or --scheduler, not both")
+    if jobs is not None and jobs < 1:
+        raise UserError(f"jobs must be 1 or more, got {jobs}")
+    return evaluate.processes(jobs) if scheduler is None else evaluate.dask(scheduler)

@@ -1,0 +1,301 @@
+"""`auroraqd run`, `repeat` and `resume`: to discover a repertoire."""
+
+import copy
+import signal
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from auroraqd.cli._shared import (
+    CheckpointOption,
+    FiguresOption,
+    JobsOption,
+    OverwriteOption,
+    SchedulerOption,
+    UserError,
+    busy,
+    console,
+    errors,
+    executor_factory,
+    warnings_said,
+)
+from auroraqd.cli.show import report
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from auroraqd.aurora import Aurora
+    from auroraqd.experiments import Settings
+
+OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
+
+
+def run(
+    task: Annotated[
+        str,
+        typer.Argument(
+            help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1; or mymodule:my_task."
+        ),
+    ],
+    descriptor: Annotated[
+        str,
+        typer.Option(
+            help="How behaviours differ: pca or autoencoder (learned), hand-coded, genotype, or observation (all of it). "
+            "Options like autoencoder:isometry=0 or autoencoder:hidden=64x32 are the parameters of AutoEncoder."
+        ),
+    ] = "pca",
+    pretrained: Annotated[
+        bool, typer.Option("--pretrained", help="Fit the descriptor once, on the prior data set of the task.")
+    ] = False,
+    components: Annotated[int, typer.Option(help="Dimensions of a learned descriptor.")] = 2,
+    generations: Annotated[int, typer.Option("--generations", "-n", help="Batches to evaluate.")] = 5000,
+    batch_size: Annotated[int, typer.Option(help="Evaluations a generation.")] = 200,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same run.")] = 0,
+    out: OutOption = None,
+    overwrite: OverwriteOption = False,
+    selection: Annotated[str, typer.Option(help="How parents are chosen: curiosity or uniform.")] = "curiosity",
+    variation: Annotated[
+        str,
+        typer.Option(
+            help="How offspring are made: polynomial (rate, eta, at_least_one), gaussian (sigma, rate) or iso-line (iso_sigma, "
+            "line_sigma), with options like polynomial:rate=0.1,eta=10."
+        ),
+    ] = "polynomial",
+    resolution: Annotated[
+        str, typer.Option(help="How l follows the descriptors: vat, vat:cells=47124 or fixed:l=0.05.")
+    ] = "vat",
+    schedule: Annotated[
+        str, typer.Option(help="When the descriptor is refitted: doubling:first=50, every:generations=100 or never.")
+    ] = "doubling",
+    archive: Annotated[
+        str,
+        typer.Option(
+            help="Where behaviours are kept: unstructured; grid (cells and bounds low, high of each dimension); cvt (cells, "
+            "samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0."
+        ),
+    ] = "unstructured",
+    k: Annotated[int, typer.Option(help="Neighbours that make up the novelty.")] = 15,
+    epsilon: Annotated[float, typer.Option(help="Tolerance of the addition rule.")] = 0.1,
+    competition: Annotated[str, typer.Option(help="Who stays of two alike: dominance or elitist.")] = "dominance",
+    capacity: Annotated[int | None, typer.Option(help="Most individuals to store. [default: no limit]")] = None,
+    l: Annotated[float, typer.Option("--l", help="Distance threshold until the resolution sets it.")] = 0.0,
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
+    checkpoint_every: CheckpointOption = 10.0,
+    figures: FiguresOption = True,
+) -> None:
+    """Discover a repertoire of behaviours and keep it in a run folder.
+
+    Example: auroraqd run ballistic --descriptor pca --generations 5000 --seed 0 --out runs/first
+    """
+    from auroraqd.experiments import settings as s
+
+    settings = s.Settings(
+        task=task,
+        descriptor=descriptor,
+        components=components,
+        pretrained=pretrained,
+        generations=generations,
+        batch_size=batch_size,
+        seed=seed,
+        selection=s.strategy("selection", selection),
+        variation=s.strategy("variation", variation),
+        resolution=s.strategy("resolution", resolution),
+        schedule=s.strategy("schedule", schedule),
+        archive=s.strategy("archive", archive),
+        l=l,
+        k=k,
+        epsilon=epsilon,
+        competition=competition,
+        capacity=capacity,
+    )
+    out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
+    _run(settings, out, overwrite, figures, checkpoint_every, executor_factory(jobs, scheduler))
+
+
+def repeat(
+    folder: Annotated[Path, typer.Argument(help="Run folder whose settings to use.")],
+    out: Annotated[Path, typer.Option(help="Run folder to create.")],
+    overwrite: OverwriteOption = False,
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
+    checkpoint_every: CheckpointOption = 10.0,
+    figures: FiguresOption = True,
+) -> None:
+    """Run again with the settings of a run folder, from the start."""
+    settings = _settings_in(folder)
+    _run(settings, out, overwrite, figures, checkpoint_every, executor_factory(jobs, scheduler))
+
+
+def resume(
+    folder: Annotated[Path, typer.Argument(help="Run folder to go on with.")],
+    generations: Annotated[
+        int | None, typer.Option("--generations", "-n", help="In all, to go on further. [default: those of the run]")
+    ] = None,
+    any_environment: Annotated[
+        bool, typer.Option("--any-environment", help="Go on with other versions or on another machine: no longer bit for bit.")
+    ] = False,
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
+    checkpoint_every: CheckpointOption = 10.0,
+    figures: FiguresOption = True,
+) -> None:
+    """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
+
+    A run that has ended goes on further with --generations. Example: auroraqd resume runs/first --generations 10000
+    """
+    from auroraqd import storage
+
+    settings = _settings_in(folder)
+    if generations is not None:
+        settings = replace(settings, generations=generations)
+    with busy("loading"), warnings_said():
+        if any((folder / name).is_file() for name in (storage.REPERTOIRE, storage.PREVIOUS)):
+            task, aurora = settings.build_task(), storage.resume(folder, any_environment=any_environment)
+        else:  # it ended before its first checkpoint
+            task, aurora = settings.build()
+    given = {name: getattr(settings, name) for name in ("seed", "batch_size", "selection", "variation", "schedule")}
+    differ = [
+        f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
+    ]
+    if differ:
+        raise UserError(f"{folder}/config.json has been changed, {', '.join(differ)}: the run cannot go on with it")
+    if aurora.generation >= settings.generations:
+        raise UserError(
+            f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
+            "--generations with a larger number goes on"
+        )
+    _grow(task, aurora, settings, folder, figures, checkpoint_every, executor_factory(jobs, scheduler))
+
+
+def _settings_in(folder: Path) -> "Settings":
+    """The settings of a run folder that `auroraqd run` made."""
+    from auroraqd.experiments import Settings
+    from auroraqd.storage import load_config
+
+    config = load_config(folder)
+    if "task" not in config:
+        raise UserError(f"{folder} was saved from Python: only what `auroraqd run` made can be run from here")
+    try:
+        return Settings.from_json(config)
+    except (ValueError, TypeError) as error:
+        raise UserError(f"{folder}/config.json cannot be run again: {error}") from None
+
+
+def _run(
+    settings: "Settings",
+    out: Path,
+    overwrite: bool,
+    figures: bool,
+    every: float = 10.0,
+    factory: "Callable[[], Executor] | None" = None,
+) -> None:
+    _check_free(out, overwrite)
+    with busy("preparing"):
+        task, aurora = settings.build()
+    _grow(task, aurora, settings, out, figures, every, factory, overwrite=overwrite)
+
+
+def _grow(
+    task: Any,
+    aurora: "Aurora",
+    settings: "Settings",
+    out: Path,
+    figures: bool,
+    every: float,
+    factory: "Callable[[], Executor] | None",
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
+    from auroraqd.autoencoder import listening
+    from auroraqd.checkpoints import LOCK, Checkpoints
+    from auroraqd.evaluate import over
+    from auroraqd.progress import RunProgress
+
+    failure: BaseException | None = None
+    console.print(f"[bold]{settings.task}[/], descriptor [bold]{settings.descriptor}[/], seed {settings.seed}", highlight=False)
+    for polite_end in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a cluster, of a closed terminal
+        signal.signal(polite_end, signal.default_int_handler)
+    checkpoints = Checkpoints(
+        aurora,
+        out,
+        every=every,
+        config=settings.as_json(),
+        overwrite=overwrite,
+        report=lambda text: errors.print(text, markup=False, highlight=False),
+    )
+    with checkpoints:
+        try:
+            with busy("compiling, which takes some 10 s the first time"):
+                compile_kernels(settings)
+            with RunProgress(console, settings.generations, aurora.evaluations) as progress, listening(progress.training):
+
+                def after_each(aurora: "Aurora") -> None:
+                    progress(aurora)
+                    checkpoints()
+
+                with nullcontext(task) if factory is None else over(factory, task) as spread:
+                    aurora.run(spread, generations=settings.generations - aurora.generation, callback=after_each)
+        except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
+            failure = error
+    if checkpoints.saved:
+        report(out, figures)
+        kept = f"what was found is in {out}"
+    else:
+        kept = "nothing had been found yet"
+        with suppress(OSError):  # a folder that holds anything else stays
+            (out / LOCK).unlink()
+            out.rmdir()
+    if failure is not None:
+        _end(failure, aurora, kept)
+
+
+def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
+    """Say why a run has ended, and end the command."""
+    from auroraqd.descriptor import DescriptorError
+    from auroraqd.tasks import TaskError
+
+    if isinstance(failure, KeyboardInterrupt):
+        errors.print(f"Interrupted after {aurora.generation} generations; {kept}", highlight=False)
+        raise typer.Exit(130)
+    if isinstance(failure, MemoryError):
+        raise UserError(f"there is not enough memory: {failure}; {kept}")
+    if isinstance(failure, TaskError | DescriptorError | ValueError | OSError):
+        raise UserError(f"{failure}; {kept}")
+    errors.print(kept, highlight=False)
+    raise failure
+
+
+def compile_kernels(settings: "Settings") -> None:
+    """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
+    from auroraqd.experiments.settings import PCA, TASKS, Unstructured
+
+    # A task of the user's own may take long, and do things: it is not called for this.
+    task = settings.task if settings.task_kind in TASKS else "ballistic"
+    kernels = replace(
+        settings, task=task, descriptor=PCA, components=1, pretrained=False, archive=Unstructured(), capacity=None
+    )
+    task, aurora = replace(kernels, batch_size=max(settings.batch_size, 20)).build()
+    aurora.run(task, generations=3)
+    copy.deepcopy(aurora.archive)  # builds its index anew, as long runs do now and then
+
+
+def _check_free(out: Path, overwrite: bool) -> None:
+    """Make sure that nothing will be overwritten that should not be, before any work is done."""
+    from auroraqd.storage import CONFIG
+
+    if out.exists() and not out.is_dir():
+        raise UserError(f"{out} exists and is no folder: choose another with --out")
+    if out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir()):
+        if not (out / CONFIG).is_file():
+            raise UserError(f"{out} is not empty and no run folder: choose another with --out")
+        if not overwrite:
+            raise UserError(
+                f"{out} holds a run already: choose another folder with --out, go on with it by `auroraqd resume {out}`, or "
+                "replace it with --overwrite"
+            )

@@ -1,0 +1,92 @@
+"""`auroraqd show` and `animate`: to look at what was found."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from auroraqd.cli._shared import FiguresOption, UserError, busy, console
+
+
+def show(
+    folder: Annotated[Path, typer.Argument(help="Run folder.")],
+    figures: FiguresOption = True,
+) -> None:
+    """Print what a run found, and draw its figures again."""
+    report(folder, figures)
+
+
+def animate(
+    folder: Annotated[Path, typer.Argument(help="Run folder.")],
+    skill: Annotated[int | None, typer.Option(help="Row of the repertoire. [default: twelve diverse ones]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="A .gif or an .mp4 to write. [default: FOLDER/figures/skill-SKILL.gif]")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file given by --out if it exists.")] = False,
+) -> None:
+    """Show a skill as an animation: the way of the puck or projectile, and the arm that moves it.
+
+    The rows of diverse skills are in FOLDER/figures/skills.png. Example: auroraqd animate runs/first --skill 17
+    """
+    from auroraqd import storage
+
+    if out is not None and out.exists() and not overwrite:
+        raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
+    repertoire, config = storage.load(folder), storage.load_config(folder)
+    from auroraqd.report.scenes import scene_of
+    from auroraqd.report.skills import animate
+
+    scene = scene_of(config, repertoire)
+    rows = repertoire.sample(12) if skill is None else [skill]
+    path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
+    with busy("drawing") as status:
+
+        def drawn(done: int, frames: int) -> None:
+            if status is not None:
+                status.update(f"drawing, frame {done} of {frames}")
+
+        animate(repertoire, scene, rows, path, drawn)
+    console.print(str(path), highlight=False, soft_wrap=True)
+
+
+def report(folder: Path, figures: bool) -> None:
+    """Print what a run found, and where its files are."""
+    from auroraqd import storage
+
+    repertoire, records = storage.load(folder), storage.load_history(folder)
+    files = [folder / name for name in (storage.CONFIG, storage.HISTORY, storage.REPERTOIRE)]
+    if figures:
+        from auroraqd.report import write_figures
+
+        files += write_figures(folder)
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(overflow="fold")
+    for name, value in [*_what_ran(storage.load_config(folder)), *_results(repertoire, records[-1] if records else None)]:
+        table.add_row(name, value)
+    for index, path in enumerate(files):
+        table.add_row("" if index else "files", str(path))
+    console.print(table, highlight=False)
+
+
+def _what_ran(config: Mapping[str, Any]) -> list[tuple[str, str]]:
+    archive = config.get("archive")
+    kind = archive.get("type") if isinstance(archive, dict) else None
+    words = [config.get("task"), config.get("descriptor"), kind, f"seed {config.get('seed')}"]
+    return [("run", ", ".join(str(word) for word in words if word is not None))]
+
+
+def _results(repertoire: Any, last: Any) -> list[tuple[str, str]]:
+    shapes = f"genotype {repertoire.genotype.shape[1:]}, observation {repertoire.observation.shape[1:]}"
+    rows = [("repertoire", f"{len(repertoire):,} individuals: {shapes}, descriptor {repertoire.descriptor.shape[1:]}")]
+    if last is None:
+        return rows
+    counts = ", ".join(f"{getattr(last, name):,} {name}" for name in ("new", "replaced", "rejected", "invalid"))
+    rows += [("evaluations", f"{last.evaluations:,} in {last.generation:,} generations: {counts}")]
+    rows += [("l", f"{last.l:.6g}")] if last.l == last.l else []
+    rows += [("RMSE", f"{last.rmse:.4f} (reconstruction, observations scaled to [-1, 1])")] if last.rmse == last.rmse else []
+    if last.max_fitness > last.mean_fitness:
+        rows += [("fitness", f"mean {last.mean_fitness:.6g}, highest {last.max_fitness:.6g}")]
+    return [*rows, ("time", f"{last.seconds:.1f} s, {1e6 * last.seconds / max(last.evaluations, 1):.2f} us an evaluation")]
