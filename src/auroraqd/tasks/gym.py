@@ -133,8 +133,8 @@ class Gym:
         """The evaluation of genotypes, (n, n_genes), with seeds (n,), whole numbers, if it is noisy.
 
         Raises:
-            ValueError: no genotypes, another number of genes, seeds that are missing or too many, or a controller or fitness that
-                returns another shape than it must.
+            ValueError: no genotypes, another number of genes, seeds that are missing or too many, or a controller or fitness
+                that returns another shape than it must.
         """
         parts = [self._evaluation(episode) for episode in self._episodes(genotypes, seeds)]
         return Evaluation(*(np.concatenate(column) for column in zip(*parts, strict=True)))
