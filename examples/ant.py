@@ -1,8 +1,8 @@
 """Ant learns in which directions it can go, and how, told neither about directions nor about legs.
 
 It senses where its torso is at twenty moments of five seconds; two numbers that say how two walks differ are learned from
-that. Needs `pip install ".[robots]"`, and some minutes. Writes the run folder `runs/ant`, with figures, and a video where MuJoCo
-can draw.
+that. Needs `pip install ".[robots]"`, and some minutes. Writes the run folder `runs/ant`, with figures, and a video where
+MuJoCo can draw.
 """
 
 import sys

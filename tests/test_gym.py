@@ -1,17 +1,41 @@
+import logging
 import pickle
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from ctypes.util import find_library
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from PIL import Image
+from scipy.interpolate import pchip_interpolate
 from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd import evaluate, tasks
+from auroraqd.report import film, robots
 
-pytest.importorskip("gymnasium")
-pytest.importorskip("mujoco")
+gymnasium = pytest.importorskip("gymnasium")
+mujoco = pytest.importorskip("mujoco")
+swimmer = pytest.importorskip("gymnasium.envs.mujoco.swimmer_v5")
 
 ROBOTS = {"Ant-v5": 25, "HalfCheetah-v5": 19, "Swimmer-v5": 7}
+SENSING = {  # how many genes an MLP of 4 hidden neurons has, and whether MuJoCo simulates it
+    "HalfCheetah-v5": (4 * 18 + 6 * 5, True),
+    "Swimmer-v5": (4 * 9 + 2 * 5, True),
+    "CartPole-v1": (4 * 5 + 2 * 5, False),
+    "Pendulum-v1": (4 * 4 + 1 * 5, False),
+    "MountainCarContinuous-v0": (4 * 3 + 1 * 5, False),
+}
+
+
+def made(env_id):
+    """As the tests step it by hand."""
+    return gymnasium.make(env_id).unwrapped
+
+
+def genotypes_of(task, n=3, seed=0):
+    return np.random.default_rng(seed).random((n, task.n_genes))
 
 
 def forwards(episode):
@@ -22,14 +46,13 @@ def forwards(episode):
 @pytest.mark.parametrize(("env_id", "n_genes"), ROBOTS.items())
 def test_it_does_what_gymnasium_does(env_id, n_genes):
     """Step by step, in the environment itself."""
-    import gymnasium
-
     task = tasks.Gym(env_id, steps=30, samples=6)
     assert task.n_genes == n_genes
-    genotypes = np.random.default_rng(0).random((3, n_genes))
+    genotypes = genotypes_of(task)
     episode = task.episode(genotypes)
+    assert episode.reward is None  # it was MuJoCo's rollout
     evaluation = task(genotypes)
-    env = gymnasium.make(env_id).unwrapped
+    env = made(env_id)
     for row in range(3):
         env.reset(seed=0)
         env.set_state(env.init_qpos, env.init_qvel)
@@ -43,14 +66,197 @@ def test_it_does_what_gymnasium_does(env_id, n_genes):
     assert_allclose(episode.time[-1], 30 * env.dt)
 
 
-def test_threads_and_batches_do_not_matter(monkeypatch):
-    genotypes = np.random.default_rng(1).random((7, 7))
-    one = tasks.Gym("Swimmer-v5", steps=20, threads=1, fitness=forwards)(genotypes)
-    many = tasks.Gym("Swimmer-v5", steps=20, threads=3, fitness=forwards)
-    monkeypatch.setattr("auroraqd.tasks.gym._MOST_BYTES", 1)
-    for column, expected in zip(many(genotypes), one, strict=True):
-        assert_array_equal(column, expected)
-    assert len(np.unique(one.fitness)) == 7
+@pytest.mark.parametrize(("env_id", "n_genes", "simulated"), [(name, *facts) for name, facts in SENSING.items()])
+def test_a_closed_loop_does_what_gymnasium_does(env_id, n_genes, simulated):
+    """What a policy would have seen, and done, one environment after the other, until it terminates."""
+    controller = tasks.MLP(hidden=(4,), weight=3)
+    task = tasks.Gym(env_id, controller=controller, steps=40, samples=8, fitness="return")
+    assert task.n_genes == n_genes
+    genotypes = genotypes_of(task)
+    evaluation, episode = task(genotypes), task.episode(genotypes)
+    env = made(env_id)
+    for row in range(3):
+        sensed, _ = env.reset(seed=0)
+        if simulated:
+            mujoco.mj_resetData(env.model, env.data)
+            env.set_state(env.init_qpos, env.init_qvel)
+            sensed = env._get_obs()
+        policy, total = controller.policy(genotypes[row : row + 1], len(sensed), task._environments.actuators), 0.0
+        seen = []
+        for step in range(40):
+            control = policy(np.asarray(sensed, np.float64)[None])[0]
+            discrete = env_id == "CartPole-v1"
+            action = control.argmax() if discrete else (control * env.action_space.high).astype(np.float32)
+            assert_allclose(action, episode.control[row, step], atol=1e-6)
+            sensed, reward, terminated, _, _ = env.step(action)
+            total += reward
+            seen.append(env.data.qpos[:2].copy() if simulated else sensed.copy())
+            if terminated:
+                break
+        assert episode.length[row] == len(seen)
+        seen += [seen[-1]] * (40 - len(seen))
+        assert_allclose(evaluation.observation[row], seen[4::5], atol=1e-5)
+        assert_allclose(evaluation.fitness[row], total, atol=1e-4)
+
+
+def test_both_ways_to_simulate_agree():
+    rolled = tasks.Gym("HalfCheetah-v5", steps=25, samples=5)
+    stepped = tasks.Gym("HalfCheetah-v5", steps=25, samples=5, fitness="return")
+    genotypes = genotypes_of(rolled)
+    one, other = rolled.episode(genotypes), stepped.episode(genotypes)
+    assert one.reward is None
+    assert other.reward.shape == (3, 25)
+    assert_array_equal(one.control, other.control)
+    assert_allclose(one.qpos, other.qpos, atol=1e-9)
+    assert_allclose(one.qvel, other.qvel, atol=1e-7)
+    assert_array_equal(one.time, other.time)
+    assert_allclose(stepped(genotypes).fitness, other.reward.sum(axis=1))
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("limit", ["_MOST_BYTES", "_SIDE_BY_SIDE"])
+def test_threads_and_batches_do_not_matter(monkeypatch, limit, noisy):
+    controller = tasks.MLP() if limit == "_SIDE_BY_SIDE" else tasks.Sinusoids()
+    one = tasks.Gym("Swimmer-v5", controller=controller, steps=20, threads=1, fitness=forwards, noisy=noisy)
+    genotypes, seeds = genotypes_of(one, 7), (np.arange(7, dtype=np.uint64),) if noisy else ()
+    expected = one(genotypes, *seeds)
+    many = tasks.Gym("Swimmer-v5", controller=controller, steps=20, threads=3, fitness=forwards, noisy=noisy)
+    monkeypatch.setattr(f"auroraqd.tasks.gym.{limit}", 1)
+    for column, wanted in zip(many(genotypes, *seeds), expected, strict=True):
+        assert_array_equal(column, wanted)
+    assert len(np.unique(expected.fitness)) == 7
+    assert_array_equal(many(genotypes[3:5], *(column[3:5] for column in seeds)).observation, expected.observation[3:5])
+
+
+def test_threads_may_share_a_task():
+    task = tasks.Gym("HalfCheetah-v5", controller=tasks.MLP(hidden=(4,)), steps=20)
+    genotypes = genotypes_of(task, 8)
+    expected = task(genotypes).observation
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(task, [genotypes] * 8):
+            assert_array_equal(found.observation, expected)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "controller"),
+    [
+        ("Swimmer-v5", tasks.Sinusoids()),
+        ("Ant-v5", tasks.Splines()),
+        ("HalfCheetah-v5", tasks.MLP()),
+        ("Pendulum-v1", tasks.MLP()),
+    ],
+)
+def test_noise_is_that_of_the_environment(env_id, controller):
+    task = tasks.Gym(env_id, controller=controller, steps=20, noisy=True)
+    assert task.seeded
+    genotypes = np.tile(genotypes_of(task, 1), (3, 1))
+    seeds = np.array([5, 2**63 + 6, 5], np.uint64)  # environments take seeds of 31 bits
+    episode, evaluation = task.episode(genotypes, seeds), task(genotypes, seeds)
+    assert_array_equal(evaluation.observation[0], evaluation.observation[2])
+    assert not np.allclose(evaluation.observation[0], evaluation.observation[1], rtol=0, atol=1e-4)
+    env = made(env_id)
+    for row, seed in enumerate((5, 6)):
+        env.reset(seed=seed)
+        for action in episode.control[row]:
+            sensed, *_ = env.step(action)
+        place = env.data.qpos[:2] if task.model is not None else sensed
+        assert_allclose(evaluation.ground_truth[row], place, atol=1e-8)
+
+
+def test_without_noise_there_are_no_seeds():
+    task = tasks.Gym("CartPole-v1", steps=20)
+    assert not task.seeded
+    genotypes = np.tile(genotypes_of(task, 1), (2, 1))
+    assert_array_equal(*task(genotypes).observation)
+
+
+def test_an_episode_ends_when_the_environment_says_so():
+    """A pole that is always pushed to one side falls; nothing happens after that."""
+    task = tasks.Gym("CartPole-v1", controller=tasks.Splines(2), steps=60, samples=60, fitness="return")
+    genotypes = np.array([[0, 0, 1, 1], [1, 1, 0, 0]])  # the second action, the first
+    episode, evaluation = task.episode(genotypes), task(genotypes)
+    assert ((episode.length > 5) & (episode.length < 15)).all()
+    assert_array_equal(evaluation.fitness, episode.length)
+    for row, (length, pushed) in enumerate(zip(episode.length, (1, 0), strict=True)):
+        assert (episode.control[row, :length] == pushed).all()
+        assert len(np.unique(evaluation.observation[row, : length - 1], axis=0)) == length - 1
+        assert_array_equal(evaluation.observation[row, length:], evaluation.observation[row, [length - 1] * (60 - length)])
+        assert not episode.control[row, length:].any()
+        assert not episode.reward[row, length:].any()
+
+
+def test_a_robot_that_falls_ends_its_episode_where_the_environment_steps():
+    options = {"healthy_z_range": (0.5, 1.0)}
+    task = tasks.Gym("Ant-v5", steps=60, fitness="return", options=options)
+    genotypes = genotypes_of(task, 4)
+    length = task.episode(genotypes).length
+    assert (length < 60).any()
+    height = task.episode(genotypes).qpos[np.arange(4), length - 1, 2]
+    assert_array_equal((height < 0.5) | (height > 1), length < 60)
+    without = tasks.Gym("Ant-v5", steps=60, fitness="return", options={**options, "terminate_when_unhealthy": False})
+    assert (without.episode(genotypes).length == 60).all()
+    assert (tasks.Gym("Ant-v5", steps=60, options=options).episode(genotypes).length == 60).all()  # MuJoCo's rollout
+
+
+def test_the_limit_of_the_environment_does_not_count():
+    assert tasks.Gym("Pendulum-v1", steps=210).episode(np.full((1, 4), 0.5)).length == [210]  # it has one of 200
+
+
+def test_entries_of_the_environments_observation():
+    task = tasks.Gym("Swimmer-v5", steps=20, samples=5, observe=(0, 3, 7))
+    genotypes = genotypes_of(task)
+    episode = task.episode(genotypes)
+    assert_array_equal(task(genotypes).observation, episode.observation[:, 3::4][..., [0, 3, 7]])
+    assert_allclose(episode.observation[..., :3], episode.qpos[..., 2:], atol=1e-12)  # what this environment leaves out
+    assert tasks.Gym("CartPole-v1", steps=20)(np.zeros((2, 7))).observation.shape == (2, 20, 4)
+
+
+def break_a_motor(model):
+    model.actuator_gear[1] = 0
+
+
+@pytest.mark.parametrize("controller", [tasks.Sinusoids(), tasks.MLP()])
+def test_a_damaged_robot(controller):
+    task = tasks.Gym("Swimmer-v5", controller=controller, steps=20, modify=break_a_motor)
+    sound = tasks.Gym("Swimmer-v5", controller=controller, steps=20)
+    genotypes = genotypes_of(task, 20)  # more than are stepped side by side at first
+    evaluation = task(genotypes)
+    assert (np.abs(evaluation.observation - sound(genotypes).observation).max(axis=(1, 2)) > 1e-6).all()
+    assert_array_equal(pickle.loads(pickle.dumps(task))(genotypes).observation, evaluation.observation)
+    episode, env = task.episode(genotypes), made("Swimmer-v5")
+    break_a_motor(env.model)
+    env.reset(seed=0)
+    env.set_state(env.init_qpos, env.init_qvel)
+    for action in episode.control[-1]:
+        env.step(action)
+    assert_allclose(episode.qpos[-1, -1], env.data.qpos, atol=1e-9)
+
+
+class Weak(swimmer.SwimmerEnv):
+    """Its step is not only that of MuJoCo."""
+
+    def step(self, action):
+        return super().step(action / 2)
+
+
+@pytest.fixture
+def weak():
+    gymnasium.register("Weak-v0", entry_point=Weak)
+    yield "Weak-v0"
+    del gymnasium.registry["Weak-v0"]
+
+
+def test_an_environment_that_does_more_than_the_rollout_is_stepped(weak):
+    task = tasks.Gym(weak, steps=20)
+    genotypes = genotypes_of(task)
+    episode = task.episode(genotypes)
+    assert episode.reward is not None
+    env = made("Swimmer-v5")
+    env.reset(seed=0)
+    env.set_state(env.init_qpos, env.init_qvel)
+    for action in episode.control[0]:
+        env.step(action / 2)
+    assert_allclose(episode.qpos[0, -1], env.data.qpos, atol=1e-9)
 
 
 def test_sinusoids():
@@ -62,8 +268,66 @@ def test_sinusoids():
     assert_allclose(found[:, 1], np.clip(np.sin(4 * np.pi * time + np.pi / 2) + 0.25, -1, 1), atol=1e-12)
 
 
-def test_a_run_and_workers():
-    task = tasks.Gym("Swimmer-v5", steps=20, fitness=forwards, positions=(0, 1, 2))
+def test_splines():
+    splines, genes = tasks.Splines(knots=4), np.random.default_rng(0).random((3, 8))
+    found = splines(genes, 2, np.arange(31) * 0.05)
+    assert found.shape == (3, 31, 2)
+    assert np.abs(found).max() <= 1
+    for row in range(3):
+        for actuator, knots in enumerate(np.split(2 * genes[row] - 1, 2)):
+            assert_allclose(found[row, ::10, actuator], knots, atol=1e-12)
+            wanted = pchip_interpolate(np.arange(4), knots, np.linspace(0, 3, 31))
+            assert_allclose(found[row, :, actuator], wanted, atol=1e-12)
+    assert splines(genes, 2, np.zeros(1)).shape == (3, 1, 2)
+
+
+def test_mlp_by_hand():
+    mlp = tasks.MLP(hidden=(2,), weight=2, scale=(1, 4, 10))
+    genes = np.random.default_rng(0).random((2, mlp.n_genes(3, 1)))
+    sensed = np.array([[1.0, -4.0, 0.0], [1e9, 4.0, -1e9]])
+    found = mlp.policy(genes, 3, 1)(sensed)
+    inputs = np.array([[0.5, -0.5, 0.0], [1.0, 0.5, -1.0]])
+    for row in range(2):
+        first, last = np.split(4 * genes[row] - 2, [8])
+        first, last = first.reshape(4, 2), last.reshape(3, 1)
+        hidden = np.tanh(inputs[row] @ first[:3] + first[3])
+        assert_allclose(found[row], np.tanh(hidden @ last[:2] + last[2]), atol=1e-7)
+    assert tasks.MLP(hidden=()).n_genes(3, 2) == 8
+
+
+class Remembers:
+    """A closed-loop controller of one's own, that is sent to and fro by its own clock."""
+
+    def n_genes(self, observations, actuators):
+        return observations
+
+    def policy(self, genotypes, observations, actuators):
+        before = []
+
+        def act(sensed):
+            before.append(sensed)
+            assert sensed.shape == (len(genotypes), observations)
+            assert len(before) < 2 or not np.array_equal(before[-1], before[-2])
+            return np.full((len(genotypes), actuators), 1 if len(before) % 2 else -1)
+
+        return act
+
+
+def test_a_controller_of_ones_own_may_remember():
+    task = tasks.Gym("Pendulum-v1", controller=Remembers(), steps=6, samples=6)
+    assert task.n_genes == 3
+    assert task.episode(np.zeros((2, 3))).control[1, :, 0].tolist() == [2, -2] * 3
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        tasks.Gym("Swimmer-v5", steps=20, fitness=forwards, positions=(0, 1, 2)),
+        tasks.Gym("Pendulum-v1", controller=tasks.MLP(hidden=(4,)), steps=20, fitness="return"),
+    ],
+    ids=["rollout", "stepped"],
+)
+def test_a_run_and_workers(task):
     found = auroraqd.Aurora(task.n_genes, PCA(2), seed=0, batch_size=20).run(task, generations=3).archive
     assert found.observation.shape[1:] == (20, 3)
     again = pickle.loads(pickle.dumps(task))
@@ -73,25 +337,89 @@ def test_a_run_and_workers():
     assert_array_equal(other.fitness, found.fitness)
 
 
-def test_a_simulation_that_diverges_is_invalid(monkeypatch):
-    from mujoco import rollout
-
-    task, honest = tasks.Gym("Swimmer-v5", steps=10, samples=5), rollout.rollout
-
-    def diverging(*arguments):
-        states, sensors = honest(*arguments)
-        states[1, 20:] = states[1, 19]  # what MuJoCo does then
-        return states, sensors
-
-    monkeypatch.setattr(rollout, "rollout", diverging)
-    evaluation = task(np.random.default_rng(0).random((3, 7)))
-    assert np.isnan(evaluation.observation).any(axis=(1, 2)).tolist() == [False, True, False]
+def fling(model):
+    """A robot as light as nothing and as strong as anything."""
+    model.actuator_gear[:] = 1e14
 
 
-def test_one_that_really_diverges():
-    task = tasks.Gym("Swimmer-v5", steps=10, samples=5)
-    task._start[1 + task._env.model.nq :] = 1e12  # velocities
-    assert np.isnan(task(np.zeros((2, 7))).observation).any(axis=(1, 2)).all()
+@pytest.mark.parametrize("fitness", [None, "return"])
+def test_a_simulation_that_diverges_is_invalid_and_writes_no_file(fitness, tmp_path, monkeypatch, caplog):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("auroraqd.tasks._environments._said", set())
+    task = tasks.Gym("Swimmer-v5", controller=tasks.Splines(2), steps=10, samples=5, fitness=fitness, modify=fling)
+    genotypes = np.full((40, 4), 0.5)  # no force
+    genotypes[1::2] = 1
+    with caplog.at_level(logging.WARNING, "auroraqd"):
+        evaluation = task(genotypes)
+    invalid = np.isnan(evaluation.observation).any(axis=(1, 2))
+    assert invalid.tolist() == [False, True] * 20
+    assert list(tmp_path.iterdir()) == []
+    said = [record.getMessage() for record in caplog.records if "unstable" in record.getMessage()]
+    assert 1 <= len(said) <= 3  # of position, velocity or acceleration
+    if fitness == "return":
+        assert_array_equal(np.isnan(evaluation.fitness), invalid)
+
+
+@pytest.mark.parametrize("fitness", [None, "return"])
+def test_a_controller_that_returns_a_nan_is_invalid(fitness):
+    class Broken(tasks.Splines):
+        def __call__(self, genotypes, actuators, time):
+            controls = super().__call__(genotypes, actuators, time)
+            controls[1, 7:] = np.nan
+            return controls
+
+    task = tasks.Gym("Swimmer-v5", controller=Broken(), steps=10, samples=10, fitness=fitness)
+    evaluation = task(genotypes_of(task))
+    assert np.isnan(evaluation.observation).all(axis=2).sum(axis=1).tolist() == [0, 3, 0]
+
+
+LIBRARY = (find_library("EGL") and (find_library("OpenGL") or find_library("GL"))) or find_library("OSMesa")
+needs_a_library = pytest.mark.skipif(not LIBRARY, reason="there is neither EGL with OpenGL nor OSMesa")
+
+
+@needs_a_library
+def test_a_film(tmp_path):
+    """It stands still: only the robot, and the line that it leaves, change."""
+    task = tasks.Gym("Swimmer-v5", steps=8, samples=4)
+    done = []
+    film(task, genotypes_of(task, 2), tmp_path / "a.gif", names=["one", "other"], listener=lambda *d: done.append(d))
+    with Image.open(tmp_path / "a.gif") as image:
+        assert image.size == (640, 260)
+        assert image.info["duration"] == 40  # ms, a step of control
+        frames = []
+        for frame in range(8):
+            image.seek(frame)
+            frames.append(np.asarray(image.convert("RGB"), int)[20:])
+    changed = np.abs(frames[-1] - frames[0]).max(axis=2) > 60
+    assert 100 < changed[:, :320].sum() < 20_000
+    assert 100 < changed[:, 320:].sum() < 20_000
+    assert not changed[0].any()
+    assert frames[0].std() > 10
+    assert done[-1] == (32, 33)  # and a second of the last
+    film(task, genotypes_of(task, 1), tmp_path / "a.mp4")
+    assert (tmp_path / "a.mp4").stat().st_size > 1000
+
+
+@needs_a_library
+def test_a_film_of_a_noisy_robot_in_a_plane(tmp_path):
+    task = tasks.Gym("HalfCheetah-v5", controller=tasks.MLP(hidden=()), steps=4, samples=2, noisy=True)
+    film(task, genotypes_of(task, 1), tmp_path / "a.gif", seeds=np.zeros(1, int))
+    assert (tmp_path / "a.gif").exists()
+
+
+def test_no_library_to_draw_with_is_said(tmp_path, monkeypatch):
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(robots, "find_library", lambda name: None)
+    task = tasks.Gym("Swimmer-v5", steps=4, samples=2)
+    with pytest.raises(ValueError, match="there is no library to draw robots with: install EGL or OSMesa"):
+        film(task, genotypes_of(task), tmp_path / "a.gif")
+    assert list(tmp_path.iterdir()) == []
+
+
+def filmed(**settings):
+    task = tasks.Gym(**{"env_id": "Swimmer-v5", "steps": 4, "samples": 2, **settings})
+    film(task, np.ones((2, task.n_genes)), "nowhere.gif", names=["one"])
 
 
 def wrong(genotypes, actuators, time):
@@ -101,20 +429,79 @@ def wrong(genotypes, actuators, time):
 wrong.n_genes = lambda actuators: 7
 
 
+class WrongPolicy(Remembers):
+    def policy(self, genotypes, observations, actuators):
+        return lambda sensed: np.zeros(3)
+
+
+ZEROS = np.zeros((2, 7))
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: tasks.Gym("Ant-v99"), "env_id 'Ant-v99' cannot be made"),
-        (lambda: tasks.Gym("CartPole-v1"), "env_id 'CartPole-v1' is not an environment of MuJoCo"),
+        (lambda: tasks.Gym("nowhere:Ant-v5"), "env_id 'nowhere:Ant-v5' cannot be made"),
+        (lambda: tasks.Gym("CartPole-v1", positions=(0,)), "env_id 'CartPole-v1' is not an environment of MuJoCo: choose"),
+        (lambda: tasks.Gym("CartPole-v1", modify=print), "modify changes a model of MuJoCo, and env_id 'CartPole-v1' has none"),
+        (lambda: tasks.Gym("CartPole-v1", observe=(4,)), r"observe must be of 0 to 3 for CartPole-v1, got \[4\]"),
+        (lambda: tasks.Gym("Swimmer-v5", positions=(0,), observe=(0,)), "positions and observe are two ways"),
         (lambda: tasks.Gym("Swimmer-v5", positions=(0, 9)), r"positions must be of 0 to 4 for Swimmer-v5, got \[0, 9\]"),
+        (lambda: tasks.Gym("Swimmer-v5", positions=()), r"positions must be of 0 to 4 for Swimmer-v5, got \[\]"),
         (lambda: tasks.Gym("Swimmer-v5", steps=10), "samples must be"),
+        (
+            lambda: tasks.Gym("Swimmer-v5", fitness="reward"),
+            'fitness must be a function of an Episode, "return" or None, got \'rew',
+        ),
         (lambda: tasks.Gym("Swimmer-v5", options={"nonsense": 1}), "cannot be made"),
+        (lambda: tasks.Gym("Swimmer-v5", controller=3), "controller must have a method n_genes, and be callable .* got 3"),
         (lambda: tasks.Gym("Swimmer-v5")(np.zeros((2, 3))), r"genotypes of Swimmer-v5 must have shape \(n, 7\), got \(2, 3\)"),
-        (lambda: tasks.Gym("Swimmer-v5", controller=wrong)(np.zeros((2, 7))), r"controller must return shape \(2, 200, 2\)"),
-        (lambda: tasks.Gym("Swimmer-v5", fitness=lambda e: 0.0)(np.zeros((2, 7))), r"fitness must return shape \(2,\)"),
+        (lambda: tasks.Gym("Swimmer-v5")(ZEROS[:0]), "there must be at least one genotype"),
+        (lambda: tasks.Gym("Swimmer-v5")(ZEROS, np.arange(2)), "seeds are for noisy=True"),
+        (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS), r"seeds of Swimmer-v5, .* must have shape \(2,\), got none"),
+        (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, np.arange(3)), r"must have shape \(2,\), got shape \(3,\)"),
+        (lambda: tasks.Gym("Swimmer-v5", controller=wrong)(ZEROS), r"controller must return shape \(2, 200, 2\)"),
+        (
+            lambda: tasks.Gym("Pendulum-v1", controller=WrongPolicy())(np.zeros((2, 3))),
+            r"controller must return shape \(2, 1\), got \(3,\)",
+        ),
+        (lambda: tasks.Gym("Swimmer-v5", fitness=lambda e: 0.0)(ZEROS), r"fitness must return shape \(2,\)"),
         (lambda: tasks.Sinusoids(slowest=2, fastest=1), "fastest must be"),
+        (lambda: tasks.Splines(knots=1), "knots must be a whole number, 2 or more, got 1"),
+        (lambda: tasks.MLP(hidden=(0,)), "hidden must be a whole number"),
+        (lambda: tasks.MLP(scale=(1, 0)), "scale must be more than 0"),
+        (lambda: tasks.MLP(scale=(1, 1)).policy(np.zeros((1, 100)), 3, 1), "scale must have 3 entries"),
+        (lambda: filmed(), "names must be 2, one for each genotype, got 1"),
+        (lambda: filmed(env_id="CartPole-v1"), "task CartPole-v1 is not of MuJoCo"),
     ],
 )
 def test_mistakes(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_spaces_that_are_no_use():
+    class Odd(gymnasium.Env):
+        metadata = {"render_modes": []}
+        observation_space = gymnasium.spaces.Sequence(gymnasium.spaces.Discrete(2))
+        action_space = gymnasium.spaces.Discrete(2)
+
+    class Unbounded(Odd):
+        action_space = gymnasium.spaces.Box(-np.inf, np.inf, (2,))
+
+    for env_id, entry_point, message in (
+        ("Odd-v0", Odd, "observations of Odd-v0 are not always as many numbers"),
+        ("Unbounded-v0", Unbounded, "actions of Unbounded-v0 must be discrete, or numbers with bounds, got Box"),
+    ):
+        gymnasium.register(env_id, entry_point=entry_point)
+        try:
+            with pytest.raises(ValueError, match=message):
+                tasks.Gym(env_id, controller=tasks.MLP())
+        finally:
+            del gymnasium.registry[env_id]
+
+
+def test_without_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(ValueError, match=r'not installed: pip install "auroraqd\[robots\]"'):
+        tasks.Gym("Swimmer-v5")

@@ -1,6 +1,7 @@
-"""Figures, made from stored runs only."""
+"""Figures, made from stored runs only, and videos of robots."""
 
 from auroraqd.report.experiment import write_report
+from auroraqd.report.robots import film
 from auroraqd.report.run import history_figure, repertoire_figure, write_figures
 
-__all__ = ["history_figure", "repertoire_figure", "write_figures", "write_report"]
+__all__ = ["film", "history_figure", "repertoire_figure", "write_figures", "write_report"]

@@ -4,14 +4,11 @@ A skill is an individual whose observation is a trajectory in the plane; it is n
 of an animation is a sample of its trajectory, nothing is interpolated.
 """
 
-import math
-import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
@@ -21,12 +18,12 @@ from matplotlib.patches import Circle
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.scenes import Scene
 from auroraqd.report.style import STYLE
+from auroraqd.report.videos import LAST, arrangement, video
 
 SHEET = 24
 """Skills on a contact sheet."""
 
 _PANEL, _ALONE = 1.7, 4.0  # inches, of one skill of several, and of one alone
-_LAST = 1.0  # s, that the last frame stays
 _EARLY, _LATE, _ARM = "#c9d3e8", "#c8287a", "#444444"
 
 
@@ -62,51 +59,20 @@ def animate(
     if len(rows) == 0 or not all(0 <= row < len(repertoire) for row in rows):
         wrong = next((row for row in rows if not 0 <= row < len(repertoire)), "none")
         raise ValueError(f"skill must be a row of the repertoire, 0 to {len(repertoire) - 1}, got {wrong}")
-    writer = _writer(path, round(1 / scene.interval))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".tmp.{path.name}")
     with mpl.rc_context(STYLE):
         figure, panels = _grid(repertoire, scene, rows)
-        frames = [*range(panels[0].steps), *[panels[0].steps - 1] * round(_LAST / scene.interval)]
-        try:
-            with writer.saving(figure, str(temporary), dpi=100):
-                for done, step in enumerate(frames):
-                    listener(done, len(frames))
-                    for panel in panels:
-                        panel.show(step)
-                    writer.grab_frame()
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-
-
-def _writer(path: Path, rate: int) -> PillowWriter | FFMpegWriter:
-    if path.suffix.lower() == ".gif":
-        return PillowWriter(fps=rate)
-    if path.suffix.lower() == ".mp4":
-        mpl.rcParams["animation.ffmpeg_path"] = _ffmpeg()
-        return FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # which every player knows
-    raise ValueError(f"the animation must be a .gif or an .mp4, got {path.name!r}")
-
-
-def _ffmpeg() -> str:
-    found = shutil.which("ffmpeg")
-    if found is None:
-        try:
-            from imageio_ffmpeg import get_ffmpeg_exe  # pyright: ignore[reportMissingImports] - an extra
-
-            found = get_ffmpeg_exe()
-        except (ImportError, RuntimeError):
-            raise ValueError(
-                "an .mp4 needs ffmpeg: install it, or the extra auroraqd[video], or write a .gif, which needs neither"
-            ) from None
-    return found
+    frames = [*range(panels[0].steps), *[panels[0].steps - 1] * round(LAST / scene.interval)]
+    with video(figure, path, round(1 / scene.interval)) as add:
+        for done, step in enumerate(frames):
+            listener(done, len(frames))
+            for panel in panels:
+                panel.show(step)
+            add()
 
 
 def _grid(repertoire: Repertoire, scene: Scene, rows: Sequence[int] | np.ndarray) -> tuple[Figure, list["_Panel"]]:
     """A panel for each skill, about twice as wide as high."""
-    columns = round(math.sqrt(1.5 * len(rows)))
-    lines = math.ceil(len(rows) / columns)
+    lines, columns = arrangement(len(rows))
     size = _ALONE if len(rows) == 1 else _PANEL
     figure = Figure(figsize=(size * columns, (size + 0.2) * lines), layout="constrained")
     panels = figure.subplots(lines, columns, squeeze=False).ravel()

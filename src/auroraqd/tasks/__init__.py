@@ -111,8 +111,24 @@ def _rows(name: str, values: Any, n: int) -> np.ndarray:
 
 from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402 - tasks use Evaluation
 from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
+from auroraqd.tasks.controllers import MLP, ClosedLoop, OpenLoop, Sinusoids, Splines  # noqa: E402
 from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
-from auroraqd.tasks.gym import Gym, Sinusoids  # noqa: E402
+from auroraqd.tasks.gym import Gym  # noqa: E402
 from auroraqd.tasks.noise import repeated  # noqa: E402
 
-__all__ = ["AirHockey", "Ballistic", "Evaluation", "Genes", "Gym", "Sinusoids", "TaskError", "each", "from_jax", "repeated"]
+__all__ = [
+    "MLP",
+    "AirHockey",
+    "Ballistic",
+    "ClosedLoop",
+    "Evaluation",
+    "Genes",
+    "Gym",
+    "OpenLoop",
+    "Sinusoids",
+    "Splines",
+    "TaskError",
+    "each",
+    "from_jax",
+    "repeated",
+]

@@ -1,102 +1,71 @@
-"""Robots of Gymnasium that MuJoCo simulates, moved by open-loop controllers: Ant, HalfCheetah, Swimmer, and others like them.
+"""Robots of Gymnasium, Ant-v5 or CartPole-v1 for instance, moved by controllers. Needs the extra `robots`."""
 
-What an open-loop controller will do is known before it starts, so whole batches are given to MuJoCo's own multi-threaded
-rollout. It computes the same states as stepping the environment does. Needs the extra `robots`.
-"""
-
-from collections.abc import Callable, Sequence
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
-from auroraqd._checks import number, whole
+from auroraqd._checks import whole
 from auroraqd._workers import cores
 from auroraqd.tasks import Evaluation
+from auroraqd.tasks._environments import Environments
+from auroraqd.tasks._episodes import Episode, Rollout, joined, stepped
+from auroraqd.tasks.controllers import ClosedLoop, OpenLoop, Sinusoids, is_closed_loop
 
 _MOST_BYTES = 1 << 28  # of states that are kept at once
-
-
-@dataclass(frozen=True)
-class Sinusoids:
-    """An open-loop controller: each actuator follows a sine of its own amplitude, phase and offset, all of one frequency.
-
-    Genes, in this order: amplitudes, phases and offsets of all actuators, and the frequency.
-
-    Args:
-        slowest, fastest: bounds of the frequency in Hz.
-        offset: the largest, in half ranges of the actuators.
-    """
-
-    slowest: float = 0.5
-    fastest: float = 2.0
-    offset: float = 0.5
-
-    def __post_init__(self) -> None:
-        number("slowest", self.slowest)
-        number("fastest", self.fastest, least=self.slowest, wanted="at least slowest")
-        number("offset", self.offset)
-
-    def n_genes(self, actuators: int) -> int:
-        """For a robot with this many actuators."""
-        return 3 * actuators + 1
-
-    def __call__(self, genotypes: np.ndarray, actuators: int, time: np.ndarray) -> np.ndarray:
-        """Controls in [-1, 1], (n, steps, actuators), of genotypes, (n, n_genes), at times in seconds, (steps,)."""
-        amplitude, phase, offset = np.split(genotypes[:, None, : 3 * actuators], 3, axis=2)
-        frequency = self.slowest + (self.fastest - self.slowest) * genotypes[:, -1]
-        waves = np.sin(2 * np.pi * (frequency[:, None, None] * time[:, None] + phase))
-        return np.clip(amplitude * waves + self.offset * (2 * offset - 1), -1, 1)
-
-
-class Episode(NamedTuple):
-    """What n robots did, at each step of control.
-
-    Attributes:
-        time: (steps,) seconds, at the end of each step.
-        qpos: (n, steps, nq), positions, as MuJoCo has them.
-        qvel: (n, steps, nv), velocities.
-        control: (n, steps, actuators), in the units of the actuators.
-    """
-
-    time: np.ndarray
-    qpos: np.ndarray
-    qvel: np.ndarray
-    control: np.ndarray
+_SIDE_BY_SIDE = 16  # environments that are stepped; with more of them, each step is no faster
 
 
 @dataclass
 class Gym:
-    """A task of a MuJoCo environment of Gymnasium. It begins in the environment's own initial state, without its noise.
+    """A task of an environment of Gymnasium.
 
-    Observations are the chosen positions at `samples` moments, (n, samples, positions); the ground truth is where they end,
-    (n, positions). An individual whose simulation diverges is invalid.
+    Observations are what is chosen at `samples` moments, (n, samples, chosen); the ground truth is the last of them,
+    (n, chosen). An individual whose simulation diverges, or whose controller returns a NaN, is invalid.
+
+    The task chooses how to simulate. What an open-loop controller does with a robot of MuJoCo is computed by MuJoCo's own
+    multi-threaded rollout, of whole batches, when nothing asks for more than positions and velocities, and the environment's
+    own step is seen to do the same. All else steps environments. Two things differ then: an episode ends when the environment
+    terminates it (a robot that has fallen, for instance), and stays as it was last; and one thread does it all: spread the task
+    over processes with `auroraqd.evaluate.over`.
 
     Args:
-        env_id: of Gymnasium, "Ant-v5" for instance.
-        controller: an open-loop controller; see `Sinusoids` for what it must do.
-        steps: of control, an episode.
+        env_id: of Gymnasium.
+        controller: open-loop or closed-loop; see `auroraqd.tasks.controllers` for what one must do.
+        steps: of control, an episode; the environment's own limit does not count.
         samples: moments that are observed, evenly spaced, the last at the end.
-        positions: which of MuJoCo's qpos are observed; the first two are the torso's place in the world.
-        fitness: from an `Episode` to (n,); None: 0, only explore.
-        threads: of the rollout; by default one for each core.
+        positions: which of MuJoCo's qpos are observed; the first two are often the torso's place in the world, and the default.
+        observe: which entries of the environment's own observation are observed instead; of environments that are not
+            MuJoCo's, all by default.
+        fitness: from an `Episode` to (n,); or "return", the sum of the environment's own rewards; None: 0, only explore.
+        noisy: begin as the environment does, with its noise, of a seed for each individual; the task is then called as
+            `task(genotypes, seeds)`. Otherwise robots of MuJoCo begin in their initial state without noise, and others as they
+            do with seed 0.
+        modify: changes the model of MuJoCo after it is loaded, in place, a damaged robot for instance. Workers need a function
+            of a module.
+        threads: of the rollout; by default one for each core, or OMP_NUM_THREADS, which is 1 in workers, if that is less.
         options: of the environment, as `gymnasium.make` takes them.
 
     Attributes:
         n_genes: of the controller, for this robot.
 
     Raises:
-        ValueError: the extra is not installed, there is no such environment, it is not one of MuJoCo, or an argument is out of
-            range.
+        ValueError: the extra is not installed, there is no such environment, it has not what is asked for, or an argument is
+            out of range.
     """
 
     env_id: str
-    controller: Any = field(default_factory=Sinusoids)
+    controller: OpenLoop | ClosedLoop = field(default_factory=Sinusoids)
     steps: int = 200
     samples: int = 20
-    positions: Sequence[int] = (0, 1)
-    fitness: Callable[[Episode], np.ndarray] | None = None
+    positions: Sequence[int] | None = None
+    observe: Sequence[int] | None = None
+    fitness: Callable[[Episode], np.ndarray] | Literal["return"] | None = None
+    noisy: bool = False
+    modify: Callable[[Any], object] | None = None
     threads: int | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
@@ -105,78 +74,132 @@ class Gym:
         whole("samples", self.samples, most=self.steps)
         if self.threads is not None:
             whole("threads", self.threads)
+        if not (self.fitness is None or self.fitness == "return" or callable(self.fitness)):
+            raise ValueError(f'fitness must be a function of an Episode, "return" or None, got {self.fitness!r}')
+        if self.positions is not None and self.observe is not None:
+            raise ValueError("positions and observe are two ways to say what is observed: give one of them")
         self._open()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("_env", "_datas", "_start")}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_environments", "_rollout", "_lock")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._open()
 
     def _open(self) -> None:
-        try:
-            gymnasium, mujoco = map(import_module, ("gymnasium", "mujoco"))
-        except ImportError:
-            raise ValueError('Gymnasium and MuJoCo are not installed: pip install "auroraqd[robots]"') from None
-        try:
-            self._env: Any = gymnasium.make(self.env_id, **self.options).unwrapped
-        except (gymnasium.error.Error, TypeError) as error:
-            raise ValueError(f"env_id {self.env_id!r} cannot be made: {error}") from None
-        if not hasattr(self._env, "model") or not hasattr(self._env, "frame_skip"):
-            raise ValueError(f"env_id {self.env_id!r} is not an environment of MuJoCo")
-        model = self._env.model
-        wrong = [index for index in self.positions if not 0 <= index < model.nq]
-        if wrong or not len(self.positions):
-            raise ValueError(f"positions must be of 0 to {model.nq - 1} for {self.env_id}, got {list(self.positions)}")
-        self._datas = [mujoco.MjData(model) for _ in range(self.threads or len(cores()))]
-        data = self._datas[0]
-        data.qpos[:], data.qvel[:] = self._env.init_qpos, self._env.init_qvel
-        self._start = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-        mujoco.mj_getState(model, data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        closed = is_closed_loop(self.controller)
+        self._lock = threading.Lock()  # a worker of many threads has one task
+        self._environments = Environments(self.env_id, self.options, self.modify)
         self.__name__ = self.env_id
-        self.n_genes = self.controller.n_genes(model.nu)
+        model, actuators = self._environments.model, self._environments.actuators
+        if model is None and self.positions is not None:
+            raise ValueError(
+                f"positions are of MuJoCo, and env_id {self.env_id!r} is not an environment of MuJoCo: "
+                "choose entries of its observation with observe"
+            )
+        self._of_observation = model is None or self.observe is not None
+        name = "observe" if self._of_observation else "positions"
+        there = self._environments.observations if model is None or self._of_observation else model.nq
+        chosen = self.observe if self._of_observation else self.positions
+        if chosen is None:
+            chosen = range(there) if self._of_observation else range(min(2, there))
+        self._chosen = list(chosen)
+        if not self._chosen or any(not 0 <= index < there for index in self._chosen):
+            raise ValueError(f"{name} must be of 0 to {there - 1} for {self.env_id}, got {self._chosen}")
+        sizes = (self._environments.observations, actuators) if closed else (actuators,)
+        self.n_genes: int = self.controller.n_genes(*sizes)
+        self._rollout = None
+        if not (closed or self._of_observation or self.fitness == "return"):
+            rollout = Rollout(self._environments, self.threads or _threads())
+            self._rollout = rollout if rollout.agrees() else None
+
+    @property
+    def seeded(self) -> bool:
+        """Whether it is called with seeds."""
+        return self.noisy
 
     @property
     def interval(self) -> float:
         """Seconds of a step of control."""
-        return float(self._env.model.opt.timestep * self._env.frame_skip)
+        return self._environments.interval
 
-    def __call__(self, genotypes: np.ndarray) -> Evaluation:
-        """The evaluation of genotypes, (n, n_genes).
+    @property
+    def model(self) -> Any:
+        """MuJoCo's model of the robot, modified if it is; None if it is not of MuJoCo."""
+        return self._environments.model
+
+    def __call__(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> Evaluation:
+        """The evaluation of genotypes, (n, n_genes), with seeds (n,), whole numbers, if it is noisy.
 
         Raises:
-            ValueError: another number of genes, or a controller or fitness that returns another shape than it must.
+            ValueError: no genotypes, another number of genes, seeds that are missing or too many, or a controller or fitness
+                that returns another shape than it must.
         """
+        parts = [self._evaluation(episode) for episode in self._episodes(genotypes, seeds)]
+        return Evaluation(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def episode(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> Episode:
+        """All that robots do with these genotypes, (n, n_genes), with seeds (n,) if it is noisy.
+
+        Raises:
+            ValueError: as when it is called.
+        """
+        return joined(list(self._episodes(genotypes, seeds)))
+
+    def _episodes(self, genotypes: np.ndarray, seeds: np.ndarray | None) -> Iterator[Episode]:
+        """As many at once as fit."""
         genotypes = np.asarray(genotypes, np.float64)
         if genotypes.ndim != 2 or genotypes.shape[1] != self.n_genes:
             raise ValueError(f"genotypes of {self.env_id} must have shape (n, {self.n_genes}), got {genotypes.shape}")
-        row = self.steps * self._env.frame_skip * (len(self._start) + self._env.model.nu) * 8
-        rows = max(_MOST_BYTES // row, 1)
-        parts = [self._evaluated(genotypes[start : start + rows]) for start in range(0, max(len(genotypes), 1), rows)]
-        return Evaluation(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        if len(genotypes) == 0:
+            raise ValueError("there must be at least one genotype")
+        if not self.noisy and seeds is not None:
+            raise ValueError(f"seeds are for noisy=True, and {self.env_id} was made without")
+        if self.noisy and (seeds is None or np.shape(seeds) != (len(genotypes),)):
+            came = "none" if seeds is None else f"shape {np.shape(seeds)}"
+            raise ValueError(f"seeds of {self.env_id}, which is noisy, must have shape ({len(genotypes)},), got {came}")
+        each = [None] * len(genotypes) if seeds is None else [int(seed) for seed in seeds]
+        if self._rollout is not None:
+            rows = _MOST_BYTES // self._rollout.bytes(self.steps)
+        else:
+            rows = min(_MOST_BYTES // (8 * self.steps * self._environments.observations), _SIDE_BY_SIDE)
+        rows = max(rows, 1)
+        for start in range(0, len(genotypes), rows):
+            with self._lock:
+                episode = self._simulated(genotypes[start : start + rows], each[start : start + rows])
+            yield episode
 
-    def episode(self, genotypes: np.ndarray) -> Episode:
-        """What robots do with these genotypes, (n, n_genes). From where a simulation diverges on all is NaN."""
-        rollout = import_module("mujoco.rollout").rollout
-        model, skip, n = self._env.model, self._env.frame_skip, len(genotypes)
-        time = self.interval * np.arange(self.steps)
-        control = np.asarray(self.controller(genotypes, model.nu, time), np.float64)
-        if control.shape != (n, self.steps, model.nu):
-            raise ValueError(f"the controller must return shape {(n, self.steps, model.nu)}, got {control.shape}")
-        low, high = model.actuator_ctrlrange.T
-        control = low + (control + 1) / 2 * (high - low)
-        states, _ = rollout(model, self._datas, np.tile(self._start, (n, 1)), np.repeat(control, skip, axis=1))
-        states = states[:, skip - 1 :: skip]
-        ended = time + self.interval
-        states[np.abs(states[:, :, 0] - ended) > self.interval / 2] = np.nan  # MuJoCo's clock stops when it diverges
-        return Episode(ended, states[..., 1 : 1 + model.nq], states[..., 1 + model.nq : 1 + model.nq + model.nv], control)
+    def _simulated(self, genotypes: np.ndarray, seeds: list[int | None] | list[int] | list[None]) -> Episode:
+        actuators = self._environments.actuators
+        if is_closed_loop(self.controller):
+            policy = self.controller.policy(genotypes, self._environments.observations, actuators)
+            return stepped(self._environments, lambda step, sensed: policy(sensed), self.steps, seeds)
+        controller: Any = self.controller
+        controls = np.asarray(controller(genotypes, actuators, self.interval * np.arange(self.steps)), np.float64)
+        wanted = (len(genotypes), self.steps, actuators)
+        if controls.shape != wanted:
+            raise ValueError(f"the controller must return shape {wanted}, got {controls.shape}")
+        if self._rollout is not None:
+            return self._rollout(controls, seeds)
+        return stepped(self._environments, lambda step, sensed: controls[:, step], self.steps, seeds)
 
-    def _evaluated(self, genotypes: np.ndarray) -> Evaluation:
-        episode = self.episode(genotypes)
+    def _evaluation(self, episode: Episode) -> Evaluation:
+        n = len(episode.length)
         moments = np.linspace(0, self.steps, self.samples + 1)[1:].round().astype(int) - 1
-        path = episode.qpos[:, moments][..., list(self.positions)]
-        fitness = np.zeros(len(genotypes)) if self.fitness is None else np.asarray(self.fitness(episode), np.float64)
-        if fitness.shape != (len(genotypes),):
-            raise ValueError(f"fitness must return shape ({len(genotypes)},), got {fitness.shape}")
+        states = episode.observation if self._of_observation else episode.qpos
+        path = states[:, moments][..., self._chosen]
+        if self.fitness is None:
+            fitness = np.zeros(n)
+        elif callable(self.fitness):
+            fitness = np.asarray(self.fitness(episode), np.float64)
+        else:
+            fitness = episode.reward.sum(axis=1)
+        if fitness.shape != (n,):
+            raise ValueError(f"fitness must return shape ({n},), got {fitness.shape}")
         return Evaluation(fitness, path, path[:, -1])
+
+
+def _threads() -> int:
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    return min(len(cores()), max(int(limit), 1)) if limit.isdigit() else len(cores())

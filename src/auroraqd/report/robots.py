@@ -1,0 +1,222 @@
+"""Videos of robots: skills of a task of MuJoCo beside each other, drawn by MuJoCo itself, without a display or a GPU.
+
+The camera stands still and shows the whole way of all, so that panels compare; a line follows the body that the first joint
+moves, the torso of most robots.
+"""
+
+import copy
+import os
+import sys
+from collections.abc import Callable, Sequence
+from ctypes.util import find_library
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from auroraqd.report.videos import LAST, arrangement, video
+from auroraqd.tasks import Gym
+
+_WIDTH, _HEIGHT = 320, 240  # pixels of a panel
+_RATE = 25.0  # most frames a second
+_WAY = np.array([0.95, 0.2, 0.5, 1.0], np.float32)
+_THICK = 0.004  # of the line, in distances of the camera
+_MARGIN = 1.05
+_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
+
+
+def film(
+    task: Gym,
+    genotypes: np.ndarray,
+    path: str | Path,
+    seeds: np.ndarray | None = None,
+    names: Sequence[str] | None = None,
+    listener: Callable[[int, int], object] = lambda done, frames: None,
+) -> None:
+    """Write a video of robots, beside each other, in real time.
+
+    It draws with EGL or OSMesa, whichever there is; the environment variable MUJOCO_GL names one.
+
+    Args:
+        task: of a robot of MuJoCo.
+        genotypes: (n, n_genes), of a few.
+        path: ends in .gif or .mp4. A file that is there is replaced when the new one is complete.
+        seeds: (n,), if the task is noisy.
+        names: n, above each; by default their numbers.
+        listener: told how many frames of how many are drawn.
+
+    Raises:
+        ValueError: the task is not of MuJoCo, there is nothing to draw, with or into, or an argument has another shape.
+        OSError: it cannot be written.
+    """
+    if task.model is None:
+        raise ValueError(f"task {task.__name__} is not of MuJoCo, which would draw it")
+    if len(genotypes) == 0:
+        raise ValueError("genotypes must have at least one row")
+    names = [f"skill {row}" for row in range(len(genotypes))] if names is None else names
+    if len(names) != len(genotypes):
+        raise ValueError(f"names must be {len(genotypes)}, one for each genotype, got {len(names)}")
+    poses = task.episode(genotypes, seeds).qpos
+    if not np.isfinite(poses).all():
+        raise ValueError(f"genotypes must be of valid individuals, and row {_first_bad(poses)} is not")
+    every = max(int(np.ceil(1 / (_RATE * task.interval) - 1e-9)), 1)
+    shown = list(range(every - 1, task.steps, every)) or [task.steps - 1]
+    rate = max(round(1 / (task.interval * every)), 1)
+    frames = [*range(len(shown)), *[len(shown) - 1] * round(LAST * rate)]
+    figure, images = _panels(names)
+    studio = Studio(task.model, poses[:, shown])
+    try:
+        with video(figure, Path(path), rate) as add:
+            for done, frame in enumerate(frames):
+                listener(done, len(frames))
+                for row, image in enumerate(images):
+                    if done == frame:
+                        image.set_data(studio.picture(row, frame))
+                add()
+    finally:
+        studio.close()
+
+
+def _first_bad(poses: np.ndarray) -> int:
+    return int(np.argmin(np.isfinite(poses).all(axis=(1, 2))))
+
+
+def _panels(names: Sequence[str]) -> tuple[Figure, list[Any]]:
+    """A figure of pictures, pixel by pixel, with names above them."""
+    title = 20
+    lines, columns = arrangement(len(names))
+    width, height = columns * _WIDTH, lines * (_HEIGHT + title)
+    figure = Figure(figsize=(width / 100, height / 100))
+    images = []
+    for place, name in enumerate(names):
+        line, column = divmod(place, columns)
+        left, top = column * _WIDTH / width, 1 - line * (_HEIGHT + title) / height
+        axes = figure.add_axes((left, top - (_HEIGHT + title) / height, _WIDTH / width, _HEIGHT / height))
+        axes.set_axis_off()
+        images.append(axes.imshow(np.zeros((_HEIGHT, _WIDTH, 3), np.uint8), interpolation="nearest", aspect="auto"))
+        figure.text(left + _WIDTH / width / 2, top - title / height / 2, name, ha="center", va="center")
+    return figure, images
+
+
+class Studio:
+    """Draws a robot in its poses.
+
+    Args:
+        model: of MuJoCo.
+        poses: (n, frames, nq).
+
+    Raises:
+        ValueError: there is no library to draw with.
+    """
+
+    def __init__(self, model: Any, poses: np.ndarray):
+        self._mujoco: Any = import_module("mujoco")
+        self._context = _gl_context()
+        self._model = copy.deepcopy(model)  # of which only looks are changed
+        _paler(self._model)
+        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = _WIDTH, _HEIGHT
+        self._data, self._poses = self._mujoco.MjData(self._model), poses
+        self._body = self._model.jnt_bodyid[0] if self._model.njnt else 0
+        self._context.make_current()
+        self._scene = self._mujoco.MjvScene(self._model, maxgeom=2000 + poses.shape[1])
+        self._drawing = self._mujoco.MjrContext(self._model, self._mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        self._mujoco.mjr_setBuffer(self._mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
+        self._geoms = np.flatnonzero(
+            (self._model.geom_bodyid > 0) & (self._model.geom_type > 0)
+        )  # that move, and are no ground
+        self._way, places = np.empty((*poses.shape[:2], 3)), np.empty((*poses.shape[:2], len(self._geoms), 3))
+        for place in np.ndindex(poses.shape[:2]):
+            self._pose(poses[place])
+            self._way[place], places[place] = self._data.xpos[self._body], self._data.geom_xpos[self._geoms]
+        self._camera = self._standing(places.reshape(-1, len(self._geoms), 3))
+
+    def picture(self, row: int, frame: int) -> np.ndarray:
+        """(height, width, 3), uint8."""
+        mujoco = self._mujoco
+        self._pose(self._poses[row, frame])
+        self._context.make_current()
+        mujoco.mjv_updateScene(
+            self._model,
+            self._data,
+            mujoco.MjvOption(),
+            mujoco.MjvPerturb(),
+            self._camera,
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            self._scene,
+        )
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0  # half the time to draw without a GPU, and hardly seen
+        for start, end in zip(self._way[row, :frame], self._way[row, 1 : frame + 1], strict=True):
+            self._line(start, end)
+        size, picture = mujoco.MjrRect(0, 0, _WIDTH, _HEIGHT), np.empty((_HEIGHT, _WIDTH, 3), np.uint8)
+        mujoco.mjr_render(size, self._scene, self._drawing)
+        mujoco.mjr_readPixels(picture, None, size, self._drawing)
+        return picture[::-1]
+
+    def close(self) -> None:
+        """Give back what the library keeps."""
+        self._context.make_current()
+        self._drawing.free()
+        self._context.free()
+
+    def _pose(self, pose: np.ndarray) -> None:
+        self._data.qpos[:] = pose
+        self._mujoco.mj_forward(self._model, self._data)
+
+    def _line(self, start: np.ndarray, end: np.ndarray) -> None:
+        capsule, there = self._mujoco.mjtGeom.mjGEOM_CAPSULE, self._scene.ngeom
+        if there == self._scene.maxgeom or np.array_equal(start, end):
+            return
+        geom = self._scene.geoms[there]
+        self._mujoco.mjv_initGeom(geom, capsule, np.zeros(3), np.zeros(3), np.eye(3).ravel(), _WAY)
+        self._mujoco.mjv_connector(geom, capsule, _THICK * self._camera.distance, start, end)
+        self._scene.ngeom += 1
+
+    def _standing(self, places: np.ndarray) -> Any:
+        """A camera that sees all of these geoms, (m, geoms, 3): from the side if they keep to a plane, else from above."""
+        low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
+        camera = self._mujoco.MjvCamera()
+        camera.lookat[:] = (low + high) / 2
+        camera.azimuth = 90
+        camera.elevation = -15 if high[1] - low[1] < 0.25 * (high[0] - low[0]) else -50
+        tilt = np.deg2rad(camera.elevation)
+        right, forward = np.array([1, 0, 0]), np.array([0, np.cos(tilt), np.sin(tilt)])
+        offset, radius = places - camera.lookat, self._model.geom_rbound[self._geoms]
+        aside = np.maximum(np.abs(offset @ right) * _HEIGHT / _WIDTH, np.abs(offset @ np.cross(right, forward)))
+        half = np.tan(np.deg2rad(self._model.vis.global_.fovy) / 2)
+        camera.distance = _MARGIN * ((aside + radius) / half - offset @ forward).max()
+        return camera
+
+
+def _paler(model: Any) -> None:
+    """The ground in pale colours, of which robots stand out, and no reflections."""
+    for material in {int(model.geom_matid[geom]) for geom in np.flatnonzero(model.geom_type == 0)} - {-1}:
+        model.mat_reflectance[material] = 0
+        for texture in {int(index) for index in model.mat_texid[material]} - {-1}:
+            first, last = model.tex_adr[texture], model.tex_adr[texture] + _size(model, texture)
+            model.tex_data[first:last] = 190 + model.tex_data[first:last] * 0.15
+
+
+def _size(model: Any, texture: int) -> int:
+    return int(model.tex_height[texture] * model.tex_width[texture] * model.tex_nchannel[texture])
+
+
+def _gl_context() -> Any:
+    """What MuJoCo draws into: memory.
+
+    Raises:
+        ValueError: there is no library for it.
+    """
+    wanted = os.environ.get("MUJOCO_GL", "").lower().strip()
+    try:
+        if not sys.platform.startswith("linux"):
+            return import_module("mujoco").GLContext(_WIDTH, _HEIGHT)
+        name = wanted if wanted in _LIBRARIES else next(name for name in _LIBRARIES if find_library(_LIBRARIES[name]))
+        return import_module(f"mujoco.{name}").GLContext(_WIDTH, _HEIGHT)
+    except (StopIteration, ImportError, AttributeError, RuntimeError) as error:
+        reason = f" ({error})" if str(error) else ""
+        raise ValueError(
+            "there is no library to draw robots with: install EGL or OSMesa, on Debian or Ubuntu with "
+            f"apt-get install libegl1 libgl1{reason}"
+        ) from None

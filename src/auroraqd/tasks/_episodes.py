@@ -1,0 +1,162 @@
+"""Episodes of robots, simulated in two ways with one outcome: MuJoCo's rollout, or the environments' own steps.
+
+The rollout is multi-threaded, but knows neither the environment's reward and observation nor when it terminates.
+"""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auroraqd.tasks._environments import Environments
+
+Seeds = Sequence[int | None]
+"""Of each episode; None: without noise."""
+
+
+class Episode(NamedTuple):
+    """What n robots did, at each step of control.
+
+    After an episode has terminated, positions, velocities and observation stay as they were last, and control and reward are
+    0. From where a simulation diverges on, all is NaN.
+
+    Attributes:
+        time: (steps,) seconds, at the end of each step.
+        control: (n, steps, actuators), in the units of the actuators; of discrete actions (n, steps), which was taken.
+        length: (n,), steps until it terminated.
+        qpos: (n, steps, nq), positions, as MuJoCo has them; None if it is not MuJoCo's.
+        qvel: (n, steps, nv), velocities, likewise.
+        observation: (n, steps, entries), the environment's own, flat; None in MuJoCo's rollout.
+        reward: (n, steps), the environment's own; None in MuJoCo's rollout.
+    """
+
+    time: np.ndarray
+    control: np.ndarray
+    length: np.ndarray
+    qpos: Any = None
+    qvel: Any = None
+    observation: Any = None
+    reward: Any = None
+
+
+def joined(episodes: Sequence[Episode]) -> Episode:
+    """The episodes of all, of equal time."""
+    time, *columns = zip(*episodes, strict=True)
+    every: list[Any] = [None if column[0] is None else np.concatenate(column) for column in columns]
+    return Episode(time[0], *every)
+
+
+class Rollout:
+    """MuJoCo's rollout, for controls that are known before.
+
+    Args:
+        environments: of MuJoCo.
+        threads: how many.
+    """
+
+    def __init__(self, environments: Environments, threads: int):
+        self._mujoco = import_module("mujoco")
+        self._environments = environments
+        self._datas = [self._mujoco.MjData(environments.model) for _ in range(threads)]
+        self._skip = int(environments.first.unwrapped.frame_skip)  # steps of the simulation in one of control
+        self._kind = self._mujoco.mjtState.mjSTATE_FULLPHYSICS
+        self._size = self._mujoco.mj_stateSize(environments.model, self._kind)
+
+    def bytes(self, steps: int) -> int:
+        """Of the states of an episode while it is simulated."""
+        return 8 * steps * self._skip * (self._size + self._environments.model.nu)
+
+    def __call__(self, controls: np.ndarray, seeds: Seeds) -> Episode:
+        """The episodes of controls in [-1, 1], (n, steps, actuators)."""
+        rollout = import_module("mujoco.rollout").rollout
+        model, interval, skip = self._environments.model, self._environments.interval, self._skip
+        finite = np.asarray(np.isfinite(controls).all(axis=2))
+        control = self._environments.actions(np.where(finite[..., None], controls, 0)).astype(np.float64)
+        start, warm = self._starts(seeds)
+        states, _ = rollout(model, self._datas, start, np.repeat(control, skip, axis=1), initial_warmstart=warm)
+        states = states[:, skip - 1 :: skip]
+        n, steps = control.shape[:2]
+        time = interval * np.arange(1, steps + 1)
+        diverged = np.asarray(
+            np.abs(states[:, :, 0] - start[:, :1] - time) > interval / 2
+        )  # MuJoCo's clock begins anew when it does
+        states[np.logical_or.accumulate(diverged | ~finite, axis=1)] = np.nan
+        qpos, qvel = states[..., 1 : 1 + model.nq], states[..., 1 + model.nq : 1 + model.nq + model.nv]
+        return Episode(time, control, np.full(n, steps), qpos, qvel)
+
+    def agrees(self) -> bool:
+        """Whether the environment's own step does with controls what the rollout does. Those of others may do more."""
+        environments, env = self._environments, self._environments.first
+        if env.action_space.shape != (environments.model.nu,):
+            return False
+        controls = np.random.default_rng(0).uniform(-1, 1, (1, 3, environments.model.nu))
+        expected = stepped(environments, lambda step, _: controls[:, step], 3, [0])
+        found = self(controls[:, : int(expected.length[0])], [0])
+        last = expected.length[0] - 1
+        return all(
+            np.allclose(a[:, last], b[:, last], rtol=1e-6, atol=1e-8, equal_nan=True)
+            for a, b in ((found.qpos, expected.qpos), (found.qvel, expected.qvel))
+        )
+
+    def _starts(self, seeds: Seeds) -> tuple[np.ndarray, np.ndarray]:
+        """Full states (n, size), and what the solver begins with (n, nv)."""
+        env, model = self._environments.first, self._environments.model
+        starts, warm = np.empty((len(seeds), self._size)), np.empty((len(seeds), model.nv))
+        for row, seed in enumerate(seeds):
+            if row and seed is None:
+                starts[row], warm[row] = starts[0], warm[0]
+                continue
+            self._environments.begin(env, seed)
+            self._mujoco.mj_getState(model, env.unwrapped.data, starts[row], self._kind)
+            warm[row] = env.unwrapped.data.qacc_warmstart
+        return starts, warm
+
+
+def stepped(
+    environments: Environments, controller: Callable[[int, np.ndarray], np.ndarray], steps: int, seeds: Seeds
+) -> Episode:
+    """The episodes of environments that are stepped side by side, so that a controller is asked once for all at each step.
+
+    A plain loop over environments that have not ended, and not a vector environment of Gymnasium, which has a fixed number and
+    goes on with those that have ended.
+
+    Args:
+        environments: to take them from.
+        controller: from the step, and what n robots sense, (n, observations), to controls in [-1, 1], (n, actuators).
+        steps: of an episode that does not terminate.
+        seeds: n.
+
+    Raises:
+        ValueError: the controller returned another shape.
+    """
+    n, envs, model = len(seeds), environments(len(seeds)), environments.model
+    sensed, state = np.empty((n, environments.observations)), np.empty((n, model.nq + model.nv if model else 0))
+    for row, env in enumerate(envs):
+        sensed[row] = environments.begin(env, seeds[row])
+    observation, states = np.empty((n, steps, sensed.shape[1])), np.empty((n, steps, state.shape[1]))
+    control = np.zeros_like(environments.actions(np.zeros((n, steps, environments.actuators))))
+    reward, length, going = np.zeros((n, steps)), np.full(n, steps), np.ones(n, bool)
+    for step in range(steps):
+        controls = np.asarray(controller(step, sensed.copy()), np.float64)
+        if controls.shape != (n, environments.actuators):
+            raise ValueError(f"the controller must return shape {(n, environments.actuators)}, got {controls.shape}")
+        finite = np.asarray(np.isfinite(controls).all(axis=1))
+        actions = environments.actions(np.where(finite[:, None], controls, 0))
+        for row in np.flatnonzero(going):
+            env, control[row, step] = envs[row], actions[row]
+            found, reward[row, step], terminated, truncated, _ = env.step(actions[row])
+            sensed[row] = environments.flat(found)
+            if model:
+                state[row, : model.nq], state[row, model.nq :] = env.unwrapped.data.qpos, env.unwrapped.data.qvel
+            valid = finite[row] and np.isfinite(sensed[row]).all() and not environments.diverged(env)
+            if not valid:
+                sensed[row], state[row], reward[row, step] = np.nan, np.nan, np.nan
+            if terminated or truncated or not valid:
+                going[row], length[row] = False, step + 1
+        observation[:, step], states[:, step] = sensed, state
+        if not going.any():
+            observation[:, step:], states[:, step:] = sensed[:, None], state[:, None]
+            break
+    qpos, qvel = (states[..., : model.nq], states[..., model.nq :]) if model else (None, None)
+    return Episode(environments.interval * np.arange(1, steps + 1), control, length, qpos, qvel, observation, reward)

@@ -1,0 +1,181 @@
+"""Controllers: what moves a robot, made from a genotype.
+
+An open-loop controller knows what it will do before it starts; a closed-loop one decides at each step by what it senses. Both
+give controls in [-1, 1], which the task scales to the actions of its environment. In an environment of k discrete actions
+there are k controls, and the action with the largest is taken.
+
+One of one's own is any object with the methods of `OpenLoop` or `ClosedLoop`; one with the method `policy` is closed-loop.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol, TypeGuard
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from auroraqd._checks import number, whole
+
+
+class OpenLoop(Protocol):
+    """What an open-loop controller must do."""
+
+    def n_genes(self, actuators: int, /) -> int:
+        """Genes it takes for a robot with this many actuators."""
+        ...
+
+    def __call__(self, genotypes: np.ndarray, actuators: int, time: np.ndarray, /) -> np.ndarray:
+        """Controls in [-1, 1], (n, steps, actuators), of genotypes, (n, n_genes) in [0, 1].
+
+        The steps begin at `time`, (steps,), in seconds, evenly spaced from 0 on. Each row must follow from its own genotype
+        alone.
+        """
+        ...
+
+
+class ClosedLoop(Protocol):
+    """What a closed-loop controller must do."""
+
+    def n_genes(self, observations: int, actuators: int, /) -> int:
+        """Genes it takes for a robot that senses this many numbers, and has this many actuators."""
+        ...
+
+    def policy(self, genotypes: np.ndarray, observations: int, actuators: int, /) -> Callable[[np.ndarray], np.ndarray]:
+        """For an episode of the robots with these genotypes, (n, n_genes) in [0, 1]: a function that is called at each step.
+
+        It gets what all n sense at that moment, (n, observations), the environment's own observation, flat and unscaled, and
+        returns controls in [-1, 1], (n, actuators). It may remember what was before. Each row must follow from its own
+        genotype and observations alone; a robot whose episode has ended senses what it last did, and does not move.
+        """
+        ...
+
+
+def is_closed_loop(controller: Any) -> TypeGuard[ClosedLoop]:
+    """Whether it senses.
+
+    Raises:
+        ValueError: it is no controller.
+    """
+    closed = callable(getattr(controller, "policy", None))
+    if not (callable(getattr(controller, "n_genes", None)) and (closed or callable(controller))):
+        raise ValueError(
+            "controller must have a method n_genes, and be callable (open-loop) or have a method policy (closed-loop), "
+            f"got {controller!r}"
+        )
+    return closed
+
+
+@dataclass(frozen=True)
+class Sinusoids:
+    """An open-loop controller: each actuator follows a sine of its own amplitude, phase and offset, all of one frequency.
+
+    Genes, in this order: amplitudes, phases and offsets of all actuators, and the frequency.
+
+    Args:
+        slowest, fastest: bounds of the frequency in Hz.
+        offset: the largest, in half ranges of the actuators.
+    """
+
+    slowest: float = 0.5
+    fastest: float = 2.0
+    offset: float = 0.5
+
+    def __post_init__(self) -> None:
+        number("slowest", self.slowest)
+        number("fastest", self.fastest, least=self.slowest, wanted="at least slowest")
+        number("offset", self.offset)
+
+    def n_genes(self, actuators: int) -> int:
+        """For a robot with this many actuators."""
+        return 3 * actuators + 1
+
+    def __call__(self, genotypes: np.ndarray, actuators: int, time: np.ndarray) -> np.ndarray:
+        """Controls in [-1, 1], (n, steps, actuators), of genotypes, (n, n_genes), at times in seconds, (steps,)."""
+        amplitude, phase, offset = np.split(genotypes[:, None, : 3 * actuators], 3, axis=2)
+        frequency = self.slowest + (self.fastest - self.slowest) * genotypes[:, -1]
+        waves = np.sin(2 * np.pi * (frequency[:, None, None] * time[:, None] + phase))
+        return np.clip(amplitude * waves + self.offset * (2 * offset - 1), -1, 1)
+
+
+@dataclass(frozen=True)
+class Splines:
+    """An open-loop controller: each actuator follows a smooth curve through knots, evenly spaced from first to last step.
+
+    Genes: the knots of the first actuator, then of the second, and so on. The curve is SciPy's monotone cubic interpolation,
+    which has no kinks and never leaves the range of the knots beside it.
+
+    Args:
+        knots: of each actuator, at least 2.
+    """
+
+    knots: int = 5
+
+    def __post_init__(self) -> None:
+        whole("knots", self.knots, least=2)
+
+    def n_genes(self, actuators: int) -> int:
+        """For a robot with this many actuators."""
+        return self.knots * actuators
+
+    def __call__(self, genotypes: np.ndarray, actuators: int, time: np.ndarray) -> np.ndarray:
+        """Controls in [-1, 1], (n, steps, actuators), of genotypes, (n, n_genes), at times in seconds, (steps,)."""
+        knots = 2 * genotypes.reshape(-1, actuators, self.knots) - 1
+        curve = PchipInterpolator(np.linspace(0, 1, self.knots), knots, axis=2)
+        return np.moveaxis(curve(np.linspace(0, 1, len(time))), 2, 1)
+
+
+@dataclass(frozen=True)
+class MLP:
+    """A closed-loop controller: a small neural network from what the robot senses to its controls, all layers tanh.
+
+    Genes are the weights and biases, layer by layer, a gene g standing for (2 g - 1) weight. Sensed numbers have any unit and
+    often no bounds, so each x enters as x / (scale + abs(x)), which is in (-1, 1) and 1/2 at x = scale.
+
+    Args:
+        hidden: neurons of each hidden layer; () for none.
+        weight: the largest weight and bias.
+        scale: a number, or one for each entry of the observation, in its unit; more than 0.
+    """
+
+    hidden: Sequence[int] = (16,)
+    weight: float = 1.0
+    scale: float | Sequence[float] = 1.0
+
+    def __post_init__(self) -> None:
+        for neurons in self.hidden:
+            whole("hidden", neurons)
+        number("weight", self.weight)
+        scale = np.asarray(self.scale, np.float64)
+        if scale.ndim > 1 or not (np.isfinite(scale) & (scale > 0)).all():
+            raise ValueError(f"scale must be more than 0, a number or one for each entry, got {self.scale!r}")
+
+    def n_genes(self, observations: int, actuators: int) -> int:
+        """For a robot that senses this many numbers, and has this many actuators."""
+        return sum((inputs + 1) * outputs for inputs, outputs in self._layers(observations, actuators))
+
+    def policy(self, genotypes: np.ndarray, observations: int, actuators: int) -> Callable[[np.ndarray], np.ndarray]:
+        """From what n robots sense, (n, observations), to controls in [-1, 1], (n, actuators).
+
+        Raises:
+            ValueError: `scale` has another number of entries than the observation.
+        """
+        scale = np.asarray(self.scale, np.float64)
+        if scale.ndim and len(scale) != observations:
+            raise ValueError(f"scale must have {observations} entries, one for each of the observation, got {len(scale)}")
+        layers, first = [], 0
+        for inputs, outputs in self._layers(observations, actuators):
+            genes = genotypes[:, first : first + (inputs + 1) * outputs].reshape(-1, inputs + 1, outputs)
+            layers.append(np.ascontiguousarray(self.weight * (2 * genes - 1)))
+            first += (inputs + 1) * outputs
+
+        def act(sensed: np.ndarray) -> np.ndarray:
+            values = sensed / (scale + np.abs(sensed))
+            for layer in layers:
+                values = np.tanh((values[:, None] @ layer[:, :-1])[:, 0] + layer[:, -1])
+            return values
+
+        return act
+
+    def _layers(self, observations: int, actuators: int) -> list[tuple[int, int]]:
+        return list(pairwise((observations, *self.hidden, actuators)))
