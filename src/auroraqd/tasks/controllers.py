@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import Any, Protocol, TypeGuard
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from auroraqd._checks import number, whole
 
@@ -120,6 +119,8 @@ class Splines:
 
     def __call__(self, genotypes: np.ndarray, actuators: int, time: np.ndarray) -> np.ndarray:
         """Controls in [-1, 1], (n, steps, actuators), of genotypes, (n, n_genes), at times in seconds, (steps,)."""
+        from scipy.interpolate import PchipInterpolator  # takes half a second
+
         knots = 2 * genotypes.reshape(-1, actuators, self.knots) - 1
         curve = PchipInterpolator(np.linspace(0, 1, self.knots), knots, axis=2)
         return np.moveaxis(curve(np.linspace(0, 1, len(time))), 2, 1)
