@@ -136,8 +136,8 @@ class Adaptation:
     def expected(self) -> float:
         """The highest performance expected of a skill that was not tried, -inf if there is none.
 
-        To stop when no other skill is expected to do better is to stop when `best.performance >= expected`; a share of it,
-        0.9 for instance as in [1] of the module, is enough where performance is positive.
+        The rule of [1] to stop: the best trial is at least 0.9 of it, for performance that is positive. Given a goal, stop when
+        the distance is small enough instead: a skill of uncertain outcome counts as far here, see `predict`.
         """
         return float(np.where(self._tried, -np.inf, self._believed()[0]).max())
 
