@@ -4,7 +4,7 @@ AURORA finds what the whole arm can do with the puck, with no descriptor given. 
 elsewhere. `auroraqd.Adaptation` tries skills on the damaged arm and learns from each trial which promises of the repertoire
 hold, as in A. Cully, J. Clune, D. Tarapore, J.-B. Mouret, Robots that can adapt like animals, Nature 521, 2015.
 
-    python examples/damage.py        # 1000 generations, 30 goals for each of the four joints
+    python examples/damage.py           # 1000 generations, 30 goals for each of the four joints
     python examples/damage.py 1000 0    # with pucks that bounce at any speed, restitution_threshold=0
 """
 
@@ -104,10 +104,10 @@ def draw(errors, case, repertoire):
             low, middle, high = np.quantile(errors[name], (0.25, 0.5, 0.75), axis=0)
             curves.fill_between(steps, low, high, color=color, alpha=0.15, linewidth=0)
             curves.plot(steps, middle, color=color, label=name, linewidth=1.8)
-        curves.axhline(np.median(errors["floor"]), color="black", linestyle=":", label="best of all skills (floor)")
-        curves.set(
-            xlabel="trials on the damaged arm", ylabel="distance to the goal (m)", yscale="log", xticks=(1, 5, 10, 15, 20)
-        )
+        floor = f"{1000 * np.median(errors['floor']):.1f} mm: the best of all skills, were all tried"
+        curves.text(0.02, 0.03, floor, transform=curves.transAxes)
+        curves.set(xlabel="trials on the damaged arm", ylabel="distance to the goal (m)")
+        curves.set(yscale="log", ylim=(0.005, 3), xticks=(1, 5, 10, 15, 20))
         curves.yaxis.set_major_formatter("{x:g}")
         curves.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.45, -0.13), ncols=2)
 
@@ -116,9 +116,7 @@ def draw(errors, case, repertoire):
         room.add_patch(Rectangle((-wall, -wall), 2 * wall, 2 * wall, fill=False, linewidth=1.5))
         pose = air_hockey.joints(without_joint(repertoire.genotype[row : row + 1], joint))[0, -1]
         room.plot(*pose.T, "o-", color="#444444", markersize=3, linewidth=1.5)
-        room.plot(
-            *pose[joint], "x", color="#d02020", markersize=10, markeredgewidth=2.5, label=f"stuck joint, {joint + 1} of 4"
-        )
+        room.plot(*pose[joint], "x", color="#d02020", markersize=10, markeredgewidth=2.5, label=f"joint {joint + 1}, stuck")
         room.add_patch(Circle(goal, air_hockey.PUCK, fill=False, linestyle="--", label="goal"))
         for path, color, style, name in (
             (promised, "#888888", "--", "promised, first trial"),
