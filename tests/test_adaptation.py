@@ -184,8 +184,9 @@ def test_a_repertoire_is_adapted():
         ({"kappa": -1}, "kappa must be"),
         ({"length": 0}, "length must be"),
         ({"noise": 0}, "noise must be"),
-        ({"scale": 0.0}, "scale must be positive"),
-        ({"scale": np.inf}, "scale must be positive"),
+        ({"scale": 0.0}, "scale must be one positive number"),
+        ({"scale": [1.0, 1.0]}, "scale must be one positive number, or 1"),
+        ({"scale": np.inf}, "scale must be one positive number"),
     ],
 )
 def test_arguments_out_of_range(change, message):

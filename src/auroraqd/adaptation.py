@@ -81,9 +81,10 @@ class Adaptation:
         self._space = space / (_positive(space.std(axis=0)) * np.sqrt(space.shape[1]))
         self._promise = promise.reshape(len(space), -1)
         spread = _positive(self._promise.std(axis=0))
-        self._scale = spread if scale is None else np.broadcast_to(np.asarray(scale, np.float64), spread.shape)
-        if not ((self._scale > 0) & np.isfinite(self._scale)).all():
-            raise ValueError(f"scale must be positive and finite, got {scale}")
+        self._scale = spread if scale is None else np.asarray(scale, np.float64)
+        if self._scale.shape not in ((), spread.shape) or not ((self._scale > 0) & np.isfinite(self._scale)).all():
+            raise ValueError(f"scale must be one positive number, or {len(spread)}, got {scale!r}")
+        self._scale = np.broadcast_to(self._scale, spread.shape)
         kernel = Matern(number("length", length, least=1e-6, wanted="1e-6 or more"), "fixed", nu=2.5)
         variance = number("noise", noise, least=1e-4, wanted="1e-4 or more, or copies have no inverse") ** 2
         self._model = GaussianProcessRegressor(kernel, alpha=variance, optimizer=None)  # pyright: ignore[reportArgumentType] - its stub
