@@ -12,6 +12,7 @@ __version__ = "0.1.0"
 # Public name to the module that has it. Loaded when first used: the command line must answer before NumPy, Numba and
 # scikit-learn are imported.
 _HOME = {
+    "Adaptation": "adaptation",
     "Archive": "archive",
     "Aurora": "aurora",
     "AutoEncoder": "autoencoder",
@@ -42,6 +43,7 @@ _MODULES = ("evaluate", "metrics", "tasks")
 
 __all__ = [
     "VAT",
+    "Adaptation",
     "Archive",
     "Aurora",
     "AutoEncoder",
@@ -73,6 +75,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from auroraqd import evaluate, metrics, tasks
+    from auroraqd.adaptation import Adaptation
     from auroraqd.archive import Archive, UnstructuredArchive
     from auroraqd.aurora import Aurora
     from auroraqd.autoencoder import AutoEncoder

@@ -1,0 +1,180 @@
+"""Adaptation: which skill of a repertoire works on a robot that is not the one of the repertoire, in a few trials.
+
+A repertoire promises what each of its skills does. On a robot that lost a joint, or that is real where the repertoire is of a
+simulator, many promises fail. Trial and error with a map of skills as prior knowledge [1]: a Gaussian process with the
+promises as its mean learns from each trial how far promises hold for skills that are like the one tried, and the next skill to
+try is the one with the highest upper confidence bound. Given a goal, it learns more than how good a trial was: where outcomes
+have moved to, so that a skill that was made for another goal can be the one for this goal.
+
+[1] A. Cully, J. Clune, D. Tarapore, J.-B. Mouret, Robots that can adapt like animals, Nature 521, 2015.
+"""
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import Matern
+
+from auroraqd._checks import number, whole
+
+
+class Best(NamedTuple):
+    """The best trial so far: the row of the skill, and its performance."""
+
+    row: int
+    performance: float
+
+
+class Adaptation:
+    """Ask for a skill, try it, tell what happened.
+
+        adaptation = Adaptation(repertoire.descriptor, promise)
+        row = adaptation.ask()
+        adaptation.tell(row, performance)  # as measured on the robot with repertoire.genotype[row]
+
+    The model is a Gaussian process with a Matern 5/2 kernel of fixed length. A skill is tried once. Everything is
+    deterministic: the same trials lead to the same next one.
+
+    Args:
+        space: (n, d), a skill a row: skills that are close in it are expected to fail alike. The descriptor; or, where the
+            descriptor does not tell how a skill works, `numpy.hstack([descriptor, genotype])`. Columns are scaled to a spread
+            of 1.
+        promise: what each skill does according to the repertoire: (n,) its performance, larger is better; or, with a goal,
+            (n, m) its outcome, a place or whatever numbers have a distance.
+        goal: (m,), the outcome that is wanted: performance is minus the distance to it. None: the promise is performance.
+        kappa: how much uncertain skills are favoured: the bound is the expected performance plus kappa standard deviations,
+            of the performance or of the outcome.
+        length: of the kernel, root mean square over the columns of the scaled space.
+        scale: how far promises may fail, in their units, (m,) or one for all. By default the spread of the promises: a promise
+            that fails says nothing.
+        noise: of a trial, as a share of the scale.
+
+    Raises:
+        ValueError: an argument has the wrong shape, is not finite, or is out of range.
+    """
+
+    def __init__(
+        self,
+        space: ArrayLike,
+        promise: ArrayLike,
+        goal: ArrayLike | None = None,
+        *,
+        kappa: float = 0.85,
+        length: float = 0.4,
+        scale: ArrayLike | None = None,
+        noise: float = 0.1,
+    ):
+        space, promise = np.asarray(space, np.float64), np.asarray(promise, np.float64)
+        if space.ndim != 2 or space.size == 0:
+            raise ValueError(f"space must have shape (n, d), got {space.shape}")
+        if promise.ndim != (1 if goal is None else 2) or len(promise) != len(space):
+            wanted = f"({len(space)},)" if goal is None else f"({len(space)}, m), for there is a goal"
+            raise ValueError(f"promise must have shape {wanted}, got {promise.shape}")
+        self._goal = None if goal is None else np.asarray(goal, np.float64)
+        if self._goal is not None and (self._goal.shape != promise.shape[1:] or not np.isfinite(self._goal).all()):
+            raise ValueError(f"goal must be {promise.shape[1]} finite numbers, as an outcome, got {goal!r}")
+        if not (np.isfinite(space).all() and np.isfinite(promise).all()):
+            raise ValueError("space and promise must be finite")
+        self._kappa = number("kappa", kappa)
+        self._space = space / (_positive(space.std(axis=0)) * np.sqrt(space.shape[1]))
+        self._promise = promise.reshape(len(space), -1)
+        spread = _positive(self._promise.std(axis=0))
+        self._scale = spread if scale is None else np.asarray(scale, np.float64)
+        if self._scale.shape not in ((), spread.shape) or not ((self._scale > 0) & np.isfinite(self._scale)).all():
+            raise ValueError(f"scale must be one positive number, or {len(spread)}, got {scale!r}")
+        self._scale = np.broadcast_to(self._scale, spread.shape)
+        kernel = Matern(number("length", length, least=1e-6, wanted="1e-6 or more"), "fixed", nu=2.5)
+        variance = number("noise", noise, least=1e-4, wanted="1e-4 or more, or copies have no inverse") ** 2
+        self._model = GaussianProcessRegressor(kernel, alpha=variance, optimizer=None)  # pyright: ignore[reportArgumentType] - its stub
+        self._rows: list[int] = []
+        self._outcomes: list[np.ndarray] = []
+        self._tried = np.zeros(len(space), bool)
+        self._belief: tuple[np.ndarray, np.ndarray] | None = None
+
+    def ask(self) -> int:
+        """The row of the skill to try next.
+
+        Raises:
+            RuntimeError: all have been tried.
+        """
+        if self._tried.all():
+            raise RuntimeError(f"all {len(self._tried)} skills have been tried")
+        mean, deviation = self._believed()
+        return int(np.where(self._tried, -np.inf, mean + self._kappa * deviation).argmax())
+
+    def tell(self, row: int, outcome: ArrayLike) -> None:
+        """Learn what a trial led to: any skill, whether it was asked for or not.
+
+        Args:
+            row: of the skill.
+            outcome: the performance, or (m,) the outcome where outcomes were promised. NaN: the trial failed; nothing is
+                learned from it but not to ask for this skill again.
+
+        Raises:
+            ValueError: there is no such row, or the outcome has the wrong shape or an infinity.
+        """
+        row = whole("row", row, least=0, most=len(self._tried) - 1)
+        told, shape = np.asarray(outcome, np.float64), () if self._goal is None else self._promise.shape[1:]
+        if told.shape != shape or np.isinf(told).any():
+            raise ValueError(f"outcome must have shape {shape} and no infinity, got {outcome!r}")
+        self._tried[row] = True
+        if not np.isnan(told).any():
+            self._rows.append(row)
+            self._outcomes.append(told.reshape(-1))
+            self._belief = None
+
+    @property
+    def best(self) -> Best | None:
+        """The best trial so far; None before the first that did not fail."""
+        if not self._rows:
+            return None
+        values = self._value(np.array(self._outcomes))
+        return Best(self._rows[int(values.argmax())], float(values.max()))
+
+    @property
+    def expected(self) -> float:
+        """The highest performance expected of a skill that was not tried, -inf if there is none.
+
+        The rule of [1] to stop: the best trial is at least 0.9 of it, for performance that is positive. Given a goal, stop when
+        the distance is small enough instead: a skill of uncertain outcome counts as far here, see `predict`.
+        """
+        return float(np.where(self._tried, -np.inf, self._believed()[0]).max())
+
+    def predict(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is expected of each skill after the trials so far: its performance and the standard deviation, (n,) each.
+
+        With a goal, the expected distance is the root mean square, and the deviation that of the outcome, all columns together.
+        """
+        mean, deviation = self._believed()
+        return mean.copy(), deviation.copy()
+
+    def _believed(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._belief is None:
+            self._belief = self._predicted()
+        return self._belief
+
+    def _predicted(self) -> tuple[np.ndarray, np.ndarray]:
+        moved, share = np.zeros_like(self._promise), np.ones((len(self._promise), 1))
+        if self._rows:
+            self._model.fit(self._space[self._rows], (np.array(self._outcomes) - self._promise[self._rows]) / self._scale)
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Predicted variances smaller than 0")  # of rounding, at what was tried
+                mean, deviation = self._model.predict(self._space, return_std=True)
+            moved = np.reshape(mean, moved.shape)
+            share = np.reshape(deviation, moved.shape)[:, :1]  # of all columns it is the same
+        outcome, deviation = self._promise + self._scale * moved, self._scale * share
+        deviation = np.sqrt((deviation**2).sum(axis=1))
+        if self._goal is None:
+            return outcome[:, 0], deviation
+        return -np.hypot(np.linalg.norm(outcome - self._goal, axis=1), deviation), deviation
+
+    def _value(self, outcomes: np.ndarray) -> np.ndarray:
+        """Performance of outcomes, (k, m) to (k,)."""
+        return outcomes[:, 0] if self._goal is None else -np.linalg.norm(outcomes - self._goal, axis=1)
+
+
+def _positive(spread: np.ndarray) -> np.ndarray:
+    """A spread to divide by: that of a constant is 1."""
+    return np.where(spread > 0, spread, 1.0)
