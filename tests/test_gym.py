@@ -1,6 +1,7 @@
 import logging
 import pickle
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from ctypes.util import find_library
 
 import numpy as np
@@ -125,6 +126,15 @@ def test_threads_and_batches_do_not_matter(monkeypatch, limit, noisy):
         assert_array_equal(column, wanted)
     assert len(np.unique(expected.fitness)) == 7
     assert_array_equal(many(genotypes[3:5], *(column[3:5] for column in seeds)).observation, expected.observation[3:5])
+
+
+def test_threads_may_share_a_task():
+    task = tasks.Gym("HalfCheetah-v5", controller=tasks.MLP(hidden=(4,)), steps=20)
+    genotypes = genotypes_of(task, 8)
+    expected = task(genotypes).observation
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(task, [genotypes] * 8):
+            assert_array_equal(found.observation, expected)
 
 
 @pytest.mark.parametrize(
@@ -446,6 +456,7 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5", options={"nonsense": 1}), "cannot be made"),
         (lambda: tasks.Gym("Swimmer-v5", controller=3), "controller must have a method n_genes, and be callable .* got 3"),
         (lambda: tasks.Gym("Swimmer-v5")(np.zeros((2, 3))), r"genotypes of Swimmer-v5 must have shape \(n, 7\), got \(2, 3\)"),
+        (lambda: tasks.Gym("Swimmer-v5")(ZEROS[:0]), "there must be at least one genotype"),
         (lambda: tasks.Gym("Swimmer-v5")(ZEROS, np.arange(2)), "seeds are for noisy=True"),
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS), r"seeds of Swimmer-v5, .* must have shape \(2,\), got none"),
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, np.arange(3)), r"must have shape \(2,\), got shape \(3,\)"),

@@ -1,5 +1,7 @@
 """Robots of Gymnasium, Ant-v5 or CartPole-v1 for instance, moved by controllers. Needs the extra `robots`."""
 
+import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -44,7 +46,7 @@ class Gym:
             do with seed 0.
         modify: changes the model of MuJoCo after it is loaded, in place, a damaged robot for instance. Workers need a function
             of a module.
-        threads: of the rollout; by default one for each core.
+        threads: of the rollout; by default one for each core, or OMP_NUM_THREADS, which is 1 in workers, if that is less.
         options: of the environment, as `gymnasium.make` takes them.
 
     Attributes:
@@ -79,7 +81,7 @@ class Gym:
         self._open()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("_environments", "_rollout")}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_environments", "_rollout", "_lock")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -87,6 +89,7 @@ class Gym:
 
     def _open(self) -> None:
         closed = is_closed_loop(self.controller)
+        self._lock = threading.Lock()  # a worker of many threads has one task
         self._environments = Environments(self.env_id, self.options, self.modify)
         self.__name__ = self.env_id
         model, actuators = self._environments.model, self._environments.actuators
@@ -108,7 +111,7 @@ class Gym:
         self.n_genes: int = self.controller.n_genes(*sizes)
         self._rollout = None
         if not (closed or self._of_observation or self.fitness == "return"):
-            rollout = Rollout(self._environments, self.threads or len(cores()))
+            rollout = Rollout(self._environments, self.threads or _threads())
             self._rollout = rollout if rollout.agrees() else None
 
     @property
@@ -130,8 +133,8 @@ class Gym:
         """The evaluation of genotypes, (n, n_genes), with seeds (n,), whole numbers, if it is noisy.
 
         Raises:
-            ValueError: another number of genes, seeds that are missing or too many, or a controller or fitness that returns
-                another shape than it must.
+            ValueError: no genotypes, another number of genes, seeds that are missing or too many, or a controller or fitness
+                that returns another shape than it must.
         """
         parts = [self._evaluation(episode) for episode in self._episodes(genotypes, seeds)]
         return Evaluation(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -149,17 +152,23 @@ class Gym:
         genotypes = np.asarray(genotypes, np.float64)
         if genotypes.ndim != 2 or genotypes.shape[1] != self.n_genes:
             raise ValueError(f"genotypes of {self.env_id} must have shape (n, {self.n_genes}), got {genotypes.shape}")
+        if len(genotypes) == 0:
+            raise ValueError("there must be at least one genotype")
         if not self.noisy and seeds is not None:
             raise ValueError(f"seeds are for noisy=True, and {self.env_id} was made without")
         if self.noisy and (seeds is None or np.shape(seeds) != (len(genotypes),)):
             came = "none" if seeds is None else f"shape {np.shape(seeds)}"
             raise ValueError(f"seeds of {self.env_id}, which is noisy, must have shape ({len(genotypes)},), got {came}")
         each = [None] * len(genotypes) if seeds is None else [int(seed) for seed in seeds]
-        rows = _SIDE_BY_SIDE
         if self._rollout is not None:
-            rows = max(_MOST_BYTES // self._rollout.bytes(self.steps), 1)
-        for start in range(0, max(len(genotypes), 1), rows):
-            yield self._simulated(genotypes[start : start + rows], each[start : start + rows])
+            rows = _MOST_BYTES // self._rollout.bytes(self.steps)
+        else:
+            rows = min(_MOST_BYTES // (8 * self.steps * self._environments.observations), _SIDE_BY_SIDE)
+        rows = max(rows, 1)
+        for start in range(0, len(genotypes), rows):
+            with self._lock:
+                episode = self._simulated(genotypes[start : start + rows], each[start : start + rows])
+            yield episode
 
     def _simulated(self, genotypes: np.ndarray, seeds: list[int | None] | list[int] | list[None]) -> Episode:
         actuators = self._environments.actuators
@@ -189,3 +198,8 @@ class Gym:
         if fitness.shape != (n,):
             raise ValueError(f"fitness must return shape ({n},), got {fitness.shape}")
         return Evaluation(fitness, path, path[:, -1])
+
+
+def _threads() -> int:
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    return min(len(cores()), max(int(limit), 1)) if limit.isdigit() else len(cores())
