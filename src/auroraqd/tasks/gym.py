@@ -12,7 +12,7 @@ from auroraqd._checks import whole
 from auroraqd._workers import cores
 from auroraqd.tasks import Evaluation
 from auroraqd.tasks._environments import Environments
-from auroraqd.tasks._episodes import Episode, Rollout, joined, stepped
+from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped
 from auroraqd.tasks.controllers import ClosedLoop, OpenLoop, Sinusoids, is_closed_loop
 
 _MOST_BYTES = 1 << 28  # of states that are kept at once
@@ -159,7 +159,7 @@ class Gym:
         if self.noisy and (seeds is None or np.shape(seeds) != (len(genotypes),)):
             came = "none" if seeds is None else f"shape {np.shape(seeds)}"
             raise ValueError(f"seeds of {self.env_id}, which is noisy, must have shape ({len(genotypes)},), got {came}")
-        each = [None] * len(genotypes) if seeds is None else [int(seed) for seed in seeds]
+        each: Seeds = [None] * len(genotypes) if seeds is None else [int(seed) for seed in seeds]
         if self._rollout is not None:
             rows = _MOST_BYTES // self._rollout.bytes(self.steps)
         else:
@@ -170,7 +170,7 @@ class Gym:
                 episode = self._simulated(genotypes[start : start + rows], each[start : start + rows])
             yield episode
 
-    def _simulated(self, genotypes: np.ndarray, seeds: list[int | None] | list[int] | list[None]) -> Episode:
+    def _simulated(self, genotypes: np.ndarray, seeds: Seeds) -> Episode:
         actuators = self._environments.actuators
         if is_closed_loop(self.controller):
             policy = self.controller.policy(genotypes, self._environments.observations, actuators)
