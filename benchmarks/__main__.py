@@ -6,6 +6,7 @@ import endurance
 import hockey
 import learned
 import peers
+import robots
 import speed
 
 argparse.ArgumentParser(description=__doc__).parse_args()
@@ -13,4 +14,5 @@ speed.main()
 hockey.main()
 endurance.main()
 learned.main()
+robots.main()
 peers.main()

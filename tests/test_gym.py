@@ -1,5 +1,6 @@
 import logging
 import pickle
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from ctypes.util import find_library
@@ -405,6 +406,28 @@ def test_a_film_of_a_noisy_robot_in_a_plane(tmp_path):
     task = tasks.Gym("HalfCheetah-v5", controller=tasks.MLP(hidden=()), steps=4, samples=2, noisy=True)
     film(task, genotypes_of(task, 1), tmp_path / "a.gif", seeds=np.zeros(1, int))
     assert (tmp_path / "a.gif").exists()
+
+
+@needs_a_library
+def test_films_from_the_command_line(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from auroraqd.tasks import Gym\nswimmer = Gym('Swimmer-v5', steps=8, samples=4, positions=(0, 1, 2), noisy=True)\n"
+    )
+
+    def command(*arguments):
+        line = [sys.executable, "-W", "error", "-m", "auroraqd.cli", *arguments]
+        return subprocess.run(line, capture_output=True, text=True, cwd=tmp_path, check=False)
+
+    done = command("run", "mine:swimmer", "-n", "3", "--batch-size", "20", "--out", "run")
+    assert done.returncode == 0, done.stderr
+    done = command("animate", "run", "--skill", "2")
+    assert done.returncode == 0, done.stderr
+    with Image.open(tmp_path / "run" / "figures" / "skill-2.gif") as image:
+        assert image.size == (320, 260)
+        assert image.n_frames >= 8
+    assert "skill must be a row of the repertoire" in command("animate", "run", "--skill", "99999").stderr
+    (tmp_path / "mine.py").unlink()  # then there are trajectories, and these are not in a plane
+    assert "skills must be trajectories in the plane" in command("animate", "run").stderr
 
 
 def test_no_library_to_draw_with_is_said(tmp_path, monkeypatch):

@@ -26,29 +26,53 @@ def animate(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file given by --out if it exists.")] = False,
 ) -> None:
-    """Show a skill as an animation: the way of the puck or projectile, and the arm that moves it.
+    """Show a skill as an animation: the robot, if MuJoCo draws it; or the way of the puck or projectile, and the arm.
 
     The rows of diverse skills are in FOLDER/figures/skills.png. Example: auroraqd animate runs/first --skill 17
     """
+    import numpy as np
+
     from auroraqd import storage
+    from auroraqd.tasks.noise import seeds_of
 
     if out is not None and out.exists() and not overwrite:
         raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
     repertoire, config = storage.load(folder), storage.load_config(folder)
+    from auroraqd.report import film
     from auroraqd.report.scenes import scene_of
-    from auroraqd.report.skills import animate
+    from auroraqd.report.skills import animate, check_rows
 
-    scene = scene_of(config, repertoire)
-    rows = repertoire.sample(12) if skill is None else [skill]
+    rows = repertoire.sample(12) if skill is None else np.array([skill])
+    check_rows(repertoire, rows)
+    robot = _robot(config)
     path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
+    path.parent.mkdir(exist_ok=True)
     with busy("drawing") as status:
 
         def drawn(done: int, frames: int) -> None:
             if status is not None:
                 status.update(f"drawing, frame {done} of {frames}")
 
-        animate(repertoire, scene, rows, path, drawn)
+        if robot is None:
+            animate(repertoire, scene_of(config, repertoire), rows, path, drawn)
+        else:
+            seeds = seeds_of(0, 0, len(rows)) if robot.seeded else None
+            film(robot, repertoire.genotype[rows], path, seeds, [f"skill {row}" for row in rows], drawn)
     console.print(str(path), highlight=False, soft_wrap=True)
+
+
+def _robot(config: Mapping[str, Any]) -> Any:
+    """The task of a run, if it is one of the user's own with a robot that MuJoCo draws; or None."""
+    from auroraqd.experiments import Settings
+    from auroraqd.tasks import Gym
+
+    if ":" not in str(config.get("task")):
+        return None
+    try:
+        task = Settings.from_json(config).build_task()
+    except ValueError:  # its module is not here: its trajectories can be drawn
+        return None
+    return task if isinstance(task, Gym) and task.model is not None else None
 
 
 def report(folder: Path, figures: bool) -> None:

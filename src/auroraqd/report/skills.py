@@ -56,9 +56,7 @@ def animate(
         ValueError: there is no such skill, the file has another ending, or there is no ffmpeg for .mp4.
         OSError: it cannot be written.
     """
-    if len(rows) == 0 or not all(0 <= row < len(repertoire) for row in rows):
-        wrong = next((row for row in rows if not 0 <= row < len(repertoire)), "none")
-        raise ValueError(f"skill must be a row of the repertoire, 0 to {len(repertoire) - 1}, got {wrong}")
+    check_rows(repertoire, rows)
     with mpl.rc_context(STYLE):
         figure, panels = _grid(repertoire, scene, rows)
     frames = [*range(panels[0].steps), *[panels[0].steps - 1] * round(LAST / scene.interval)]
@@ -68,6 +66,13 @@ def animate(
             for panel in panels:
                 panel.show(step)
             add()
+
+
+def check_rows(repertoire: Repertoire, rows: Sequence[int] | np.ndarray) -> None:
+    """Raise ValueError unless there are these skills, and at least one of them."""
+    if len(rows) == 0 or not all(0 <= row < len(repertoire) for row in rows):
+        wrong = next((row for row in rows if not 0 <= row < len(repertoire)), "none")
+        raise ValueError(f"skill must be a row of the repertoire, 0 to {len(repertoire) - 1}, got {wrong}")
 
 
 def _grid(repertoire: Repertoire, scene: Scene, rows: Sequence[int] | np.ndarray) -> tuple[Figure, list["_Panel"]]:
