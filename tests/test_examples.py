@@ -23,7 +23,7 @@ def test_there_are_examples():
     assert len(EXAMPLES) >= 3
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/guide.md", "docs/clusters.md", "docs/damage.md"])
+@pytest.mark.parametrize("document", ["README.md", "docs/guide.md", "docs/clusters.md", "docs/damage.md", "docs/robots.md"])
 def test_python_in_documents(document, tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / document).read_text(), re.DOTALL)
     scripts: list[str] = []
