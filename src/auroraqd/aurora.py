@@ -273,7 +273,7 @@ class Aurora:
         if n_parents > 1:
             rows = rows.reshape(self.batch_size, n_parents)
         children = np.array(self.variation(self.archive.genotype[rows], self._rng), np.float64)
-        if children.shape != (self.batch_size, self.n_genes) or not ((children >= 0) & (children <= 1)).all():
+        if children.shape != (self.batch_size, self.n_genes) or not (children.min() >= 0 and children.max() <= 1):
             wanted = (self.batch_size, self.n_genes)
             raise ValueError(f"variation must return genotypes of shape {wanted} in [0, 1], got shape {children.shape}")
         return children, rows if n_parents == 1 else rows[:, 0]
@@ -326,8 +326,9 @@ class Aurora:
 
     def _done(self, pending: Pending, status: np.ndarray) -> None:
         """Count and record a generation in which individuals were given this status."""
+        counts = np.bincount(status - INVALID, minlength=len(_STATUS_NAMES)).tolist()  # INVALID is the lowest
         for value, name in _STATUS_NAMES.items():
-            self._counts[name] += int(np.count_nonzero(status == value))
+            self._counts[name] += counts[value - INVALID]
         self._pending = None
         self.generation += 1
         self.evaluations += len(pending.genotype)
