@@ -1,13 +1,12 @@
 """Ctrl-C, and what else asks a process to end, held back while a state is half changed."""
 
+import _signal  # `signal` builds upon it, and makes members of enumerations of its results, which takes ten times as long
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 _SIGNALS = (int(signal.SIGINT), int(signal.SIGTERM))
-# Beneath the functions that turn numbers into members of enumerations, which take ten times as long.
-_handler, _handle = (getattr(function, "__wrapped__", function) for function in (signal.getsignal, signal.signal))
 _depth = 0
 
 
@@ -23,17 +22,17 @@ def uninterrupted() -> Iterator[None]:
         return
     received = []
     # SIGINT is the first to be held back and the last to be let go, so that it cannot come in between.
-    handlers = [(number, handler) for number in _SIGNALS if callable(handler := _handler(number))]
+    handlers = [(number, handler) for number in _SIGNALS if callable(handler := _signal.getsignal(number))]
     try:
         for number, _ in handlers:
-            _handle(number, lambda *arguments: received.append(arguments))
+            _signal.signal(number, lambda *arguments: received.append(arguments))
         _depth = 1
         yield
     finally:
         _depth = 0
         for number, handler in reversed(handlers):
-            _handle(number, handler)
+            _signal.signal(number, handler)
     for arguments in received:
-        handler = _handler(arguments[0])
+        handler = _signal.getsignal(arguments[0])
         if callable(handler):
             handler(*arguments)
