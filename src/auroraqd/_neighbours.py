@@ -239,9 +239,11 @@ def _bucket_distances(points, bucket, x, out):
     """
     coordinates = points[bucket]
     slots = out.shape[0]
+    value, line = x[0], coordinates[0]
     for slot in range(slots):
-        out[slot] = 0.0
-    for j in range(x.shape[0]):
+        difference = line[slot] - value
+        out[slot] = difference * difference
+    for j in range(1, x.shape[0]):
         value, line = x[j], coordinates[j]
         for slot in range(slots):
             difference = line[slot] - value

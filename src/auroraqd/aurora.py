@@ -272,7 +272,7 @@ class Aurora:
             raise ValueError(f"selection must return ({wanted},) rows of the archive, got shape {rows.shape} of {rows.dtype}")
         if n_parents > 1:
             rows = rows.reshape(self.batch_size, n_parents)
-        children = np.array(self.variation(self.archive.genotype[rows], self._rng), np.float64)
+        children = np.array(self.variation(self.archive.genotype.take(rows, axis=0), self._rng), np.float64)
         if children.shape != (self.batch_size, self.n_genes) or not (children.min() >= 0 and children.max() <= 1):
             wanted = (self.batch_size, self.n_genes)
             raise ValueError(f"variation must return genotypes of shape {wanted} in [0, 1], got shape {children.shape}")
@@ -370,9 +370,9 @@ class Aurora:
                 size=len(self.archive),
                 l=getattr(self.archive, "l", np.nan),
                 **self._counts,
-                mean_fitness=float(fitness.mean()) if len(fitness) else np.nan,
+                mean_fitness=_mean(fitness),
                 max_fitness=float(fitness.max()) if len(fitness) else np.nan,
-                rmse=float(error.mean()) if error is not None and len(error) else np.nan,
+                rmse=np.nan if error is None else _mean(error),
                 seconds=self._seconds,
             )
         )
@@ -383,6 +383,10 @@ class Aurora:
                 f"task {name_of(task)} gave no valid individual in {self.generation} generations: fitness or observation was "
                 f"NaN or infinite for all {self.evaluations} evaluations"
             )
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
 
 
 class _Renewal(NamedTuple):
