@@ -251,6 +251,24 @@ def _bucket_distances(points, bucket, x, out):
 
 
 @njit(inline="always")
+def _bucket_distances_of_both(points, bucket, x, y, from_x, from_y):
+    """As `_bucket_distances`, from two points at once."""
+    coordinates = points[bucket]
+    slots = from_x.shape[0]
+    a, b, line = x[0], y[0], coordinates[0]
+    for slot in range(slots):
+        to_x, to_y = line[slot] - a, line[slot] - b
+        from_x[slot] = to_x * to_x
+        from_y[slot] = to_y * to_y
+    for j in range(1, x.shape[0]):
+        a, b, line = x[j], y[j], coordinates[j]
+        for slot in range(slots):
+            to_x, to_y = line[slot] - a, line[slot] - b
+            from_x[slot] += to_x * to_x
+            from_y[slot] += to_y * to_y
+
+
+@njit(inline="always")
 def _within(distances, n, bound, slots):
     """Which of the first n distances are at most `bound`, into slots; how many. There is no branch to mispredict."""
     hits = 0
@@ -424,8 +442,7 @@ def _near_both(tree, x, y, radius, scratch):
         bucket, top = _descend(tree, stack.node[top - 1], x, radius, stack, top - 1)
         if n + BUCKET > near_x.shape[0]:
             return -1
-        _bucket_distances(points, bucket, x, from_x)
-        _bucket_distances(points, bucket, y, from_y)
+        _bucket_distances_of_both(points, bucket, x, y, from_x, from_y)
         for slot in range(filled[bucket]):
             near_x[n] = from_x[slot]
             near_y[n] = from_y[slot]
@@ -565,6 +582,11 @@ def _verdict(tree, x, fitness, stored, size, rule, scratch):
         return (2, row) if rule.elitist and fitness > stored_fitness else (0, -1)
     # A distance of 0 to two stored points happens only by underflow; rejecting keeps the stored points distinct.
     if second == 0 or np.sqrt(second) < crowded:
+        return 0, -1
+    # The novelties of two differ by their distance at most, and that of the stored one is no smaller than the distance to the
+    # second, but for as much: of copies it need not be measured. Where squares may have left the range of numbers, it is.
+    copy = 1e-280 < second < 1e280 and distance <= 0.5 * NOVELTY_MARGIN * np.sqrt(second)
+    if copy and fitness == stored_fitness:
         return 0, -1
     novelty = kth = stored_novelty = 0.0
     if fitness == stored_fitness or not rule.elitist:
