@@ -43,4 +43,4 @@ def finite_rows(rows: np.ndarray) -> np.ndarray:
         return finite
     if finite.all():  # the common case, at once instead of row by row
         return np.ones(len(rows), bool)
-    return finite.reshape(len(rows), -1).all(axis=1)
+    return np.asarray(finite.reshape(len(rows), -1).all(axis=1))

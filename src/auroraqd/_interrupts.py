@@ -1,11 +1,12 @@
 """Ctrl-C, and what else asks a process to end, held back while a state is half changed."""
 
-import _signal  # `signal` builds upon it, and makes members of enumerations of its results, which takes ten times as long
+import _signal  # pyright: ignore[reportMissingImports]
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+# By `_signal`, which `signal` builds upon and makes members of enumerations of its results, at ten times the cost.
 _SIGNALS = (int(signal.SIGINT), int(signal.SIGTERM))
 _depth = 0
 

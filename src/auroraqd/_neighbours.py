@@ -571,9 +571,7 @@ def more_room(stored, size, rows):
 def _verdict(tree, x, fitness, stored, size, rule, scratch):
     """Status of one individual (0 rejected, 1 new, 2 replaces) and the row it goes to."""
     crowded = (1 - rule.epsilon) * rule.l
-    row, first, second = _two_nearest(
-        tree, x, rule.l * rule.l * (1 + 1e-12) + 1e-300, crowded * crowded * (1 - 1e-12), scratch
-    )
+    row, first, second = _two_nearest(tree, x, rule.l * rule.l * (1 + 1e-12) + 1e-300, crowded * crowded * (1 - 1e-12), scratch)
     distance = np.sqrt(first)
     if row < 0 or distance > rule.l:
         return (1, size) if size < rule.capacity else (0, -1)

@@ -314,8 +314,9 @@ class Archive(ABC):
             return
         with self._lock, uninterrupted():
             rows = self.rows_of(ids) if rows is None else rows
-            columns = (self._population.raw(name)[: len(self)] for name in ("curiosity", "id"))
-            _credit(*columns, np.ascontiguousarray(rows), np.ascontiguousarray(ids), np.ascontiguousarray(status, np.int8))
+            curiosity, stored_ids = (self._population.raw(name)[: len(self)] for name in ("curiosity", "id"))
+            rows, ids = np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(ids)
+            _credit(curiosity, stored_ids, rows, ids, np.ascontiguousarray(status, np.int8))
 
 
 @njit(cache=True, nogil=True)
