@@ -82,6 +82,21 @@ def test_agrees_with_its_twin_when_saturated_with_constant_fitness():
     assert len(archive) > 150
 
 
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_agrees_with_its_twin_where_it_becomes_crowded(d):
+    """What was remembered of the neighbours of few holds too many of them later."""
+    rng = np.random.default_rng(d)
+    archive, twin = UnstructuredArchive(l=1e-5, k=4), naive.UnstructuredArchive(1e-5, k=4)
+    for size in 0.1 * 2.0 ** -np.arange(10):  # smaller and smaller clouds around the same place
+        x = 0.5 + size * rng.normal(size=(50, d))
+        competitors = np.concatenate([x, archive.descriptor.reshape(-1, d)]) + 5e-6 * rng.choice(
+            [-1, 1], (len(archive) + 50, d)
+        )
+        for rows in (x, competitors[:100]):
+            assert_array_equal(fill(archive, rows), twin.add(rows, np.zeros(len(rows))))
+    assert_agree(archive, twin)
+
+
 @pytest.mark.parametrize("l", [0.0, 1e-300, 1e300])
 def test_extreme_thresholds(l):
     rng = np.random.default_rng(1)

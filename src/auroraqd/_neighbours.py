@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 
 BUCKET = 32  # points a leaf can hold
-_SLACK = 1.12  # neighbours that moved away since a reach was measured; found by trying
+_SLACK = 1.06  # neighbours that moved away since a reach was measured; found by trying
 _LANES = 16  # numbers that vectorised loops take at a time
 _DEPTH_LIMIT = 4000  # a deeper tree is rebuilt at once: it is the size of the stacks below
 
@@ -320,7 +320,7 @@ class Scratch(NamedTuple):
 
 def scratch(k):
     """Working memory for novelty over k neighbours."""
-    near = (4 * k + 2 * BUCKET) // _LANES * _LANES
+    near = 64
     return Scratch(
         stack=_Stack(np.empty(_DEPTH_LIMIT + 2, np.int64), np.empty(_DEPTH_LIMIT + 2)),
         distance=np.empty(BUCKET),
@@ -427,27 +427,48 @@ def _mean_without_smallest(squared, n, k, scratch):
 
 
 @_kernel
-def _near_both(tree, x, y, radius, scratch):
-    """Squared distances, from x and from y, to all points up to a squared distance `radius` from x into scratch; how many.
+def _near_both(tree, x, y, distance, guess, k, scratch):
+    """Squared distances, from x and from y, to the points near them into scratch; how many, and a radius.
 
-    Stops, and says -1, when they do not fit.
+    They are all the points in a ball around x that encloses the ball around y of that radius: `guess`, or less when more
+    points than fit are in it. The ball then shrinks to the k nearest of y found so far. Stops, and says -1, if that fails.
     """
     filled, points = tree.filled, tree.points
     stack, from_x, from_y = scratch.stack, scratch.distance, scratch.other
     near_x, near_y = scratch.near, scratch.near_other
+    radius = _enclosing(guess, distance)
     n = 0
     stack.node[0] = 0
+    stack.distance[0] = 0.0
     top = 1
     while top > 0:
-        bucket, top = _descend(tree, stack.node[top - 1], x, radius, stack, top - 1)
+        top -= 1
+        if stack.distance[top] > radius:
+            continue
         if n + BUCKET > near_x.shape[0]:
-            return -1
+            _, kth = _mean_without_smallest(near_y, n, k, scratch)
+            guess = min(guess, kth)
+            radius = _enclosing(guess, distance)
+            found, n = n, 0
+            for i in range(found):
+                near_x[n], near_y[n] = near_x[i], near_y[i]
+                n += near_x[i] <= radius
+            if n + BUCKET > near_x.shape[0]:
+                return -1, guess
+        bucket, top = _descend(tree, stack.node[top], x, radius, stack, top)
         _bucket_distances_of_both(points, bucket, x, y, from_x, from_y)
         for slot in range(filled[bucket]):
             near_x[n] = from_x[slot]
             near_y[n] = from_y[slot]
             n += from_x[slot] <= radius
-    return n
+    return n, guess
+
+
+@njit(inline="always")
+def _enclosing(radius, distance):
+    """Squared radius of a ball that encloses, whatever the rounding, one of this radius at this distance."""
+    outer = (radius + distance) * (1 + 1e-9)
+    return outer * outer
 
 
 @_kernel
@@ -459,14 +480,12 @@ def _competing_novelties(tree, x, y, row, distance, size, reach, k, scratch):
     time when it fails. In more than three dimensions the enclosing ball is too large for it to pay.
     """
     wanted = min(k, size - 1)
-    guess = reach[row] * _SLACK
-    if guess > 0 and x.shape[0] <= 3:
-        outer = (guess + distance) * (1 + 1e-9)
-        n = _near_both(tree, x, y, outer * outer, scratch)
+    if reach[row] > 0 and x.shape[0] <= 3:
+        n, radius = _near_both(tree, x, y, distance, reach[row] * _SLACK, wanted, scratch)
         if n > wanted:  # y is among them
-            novelty, kth = _mean_without_smallest(scratch.near, n, wanted, scratch)
             stored_novelty, stored_kth = _mean_without_smallest(scratch.near_other, n, wanted, scratch)
-            if stored_kth <= guess:
+            if stored_kth <= radius:
+                novelty, kth = _mean_without_smallest(scratch.near, n, wanted, scratch)
                 reach[row] = stored_kth
                 return novelty, kth, stored_novelty
     novelty, kth = _novelty(tree, x, k, scratch)
