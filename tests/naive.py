@@ -25,6 +25,15 @@ def novelty(points, x, excluded, k):
     return total / len(distances) if distances else 0.0
 
 
+def mean_without_smallest(squared, k):
+    """Mean of the roots of all but the smallest of the k + 1 smallest, and the last of them."""
+    roots = [math.sqrt(value) for value in sorted(squared)[1 : k + 1]]
+    total = 0.0
+    for root in roots:
+        total += root
+    return total / k, roots[-1]
+
+
 def sign(value):
     return int(value > 0) - int(value < 0)
 
@@ -115,6 +124,12 @@ def throw(along, up, steps=50):
     return points
 
 
+def top(along, up):
+    """Where a throw from half a step's way comes to rest: v / g later, v^2 / 2 g higher. In metres."""
+    speed = up - 9.81
+    return along * (speed / 9.81 + 0.5), speed / 2 + speed**2 / (2 * 9.81)
+
+
 def largest_distance(points):
     return max(distance(a, b) for a in points for b in points)
 
@@ -154,6 +169,33 @@ def roulette(scores, spins):
             end += scores[row] - low
         rows.append(row)
     return rows
+
+
+def credit(curiosity, stored_ids, rows, ids, status):
+    """Curiosity after children: 1 for each that was stored, -0.5 for each that was not, if the parent is still there."""
+    curiosity = list(curiosity)
+    for row, parent, value in zip(rows, ids, status, strict=True):
+        if 0 <= row < len(curiosity) and stored_ids[row] == parent:
+            curiosity[row] += 1.0 if value > 0 else -0.5
+    return curiosity
+
+
+def step(genes, mutated, steps):
+    """One step for each gene that mutates, kept in [0, 1]."""
+    left = iter(steps)
+    return [
+        [min(max(gene + next(left), 0.0), 1.0) if changes else gene for gene, changes in zip(*row, strict=True)]
+        for row in zip(genes, mutated, strict=True)
+    ]
+
+
+def affine_error(x, z, weight, offset):
+    """Root mean square of x - (z weight + offset), row by row."""
+    errors = []
+    for row, code in zip(x, z, strict=True):
+        expected = [b + sum(c * w[j] for c, w in zip(code, weight, strict=True)) for j, b in enumerate(offset)]
+        errors.append(math.sqrt(sum((a - e) ** 2 for a, e in zip(row, expected, strict=True)) / len(row)))
+    return errors
 
 
 def nearest_centroid(centroids, x):

@@ -29,6 +29,16 @@ def test_kernel_agrees_with_its_twin_on_nasty_forces():
         assert_array_equal(trajectory, naive.throw(*force))
 
 
+@pytest.mark.parametrize("n", [1, 15, 16, 17, 100])
+def test_any_number_can_fly_side_by_side(n):
+    along, up = np.random.default_rng(n).uniform(0, 200, (2, n))
+    trajectories, top = np.empty((n, 50, 2)), ballistic._top(along, up)
+    ballistic._fly(along, up, trajectories)
+    for i in range(n):
+        assert_array_equal(trajectories[i], naive.throw(along[i], up[i]))
+        assert_allclose((top[i] + 1) / 2 * 2000, naive.top(along[i], up[i]), rtol=1e-12, atol=1e-9)
+
+
 def test_shapes_and_validity():
     genotypes = np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]])
     fitness, observation, truth = Ballistic()(genotypes)

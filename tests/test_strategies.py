@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import auroraqd
 from auroraqd.resolution import largest_distance
 from auroraqd.selection import _roulette
+from auroraqd.variation import _rows_without, _step
 
 
 @pytest.fixture
@@ -94,6 +95,17 @@ def test_children_are_legal_and_parents_unharmed(vary, n_genes):
     assert children.shape == (300, n_genes)
     assert ((children >= 0) & (children <= 1)).all()
     assert_array_equal(parents, before)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.floats(0, 1))
+def test_kernels_of_mutation_agree_with_their_twins(seed, n_genes, rate):
+    rng = np.random.default_rng(seed)
+    genes, mutated = rng.random((30, n_genes)), rng.random((30, n_genes)) < rate
+    steps = rng.normal(size=np.count_nonzero(mutated))
+    assert _rows_without(mutated).tolist() == [i for i, row in enumerate(mutated.tolist()) if not any(row)]
+    expected = naive.step(genes.tolist(), mutated.tolist(), steps.tolist())
+    _step(genes, mutated, steps)
+    assert genes.tolist() == expected
 
 
 def test_polynomial_rates():

@@ -82,6 +82,21 @@ def test_agrees_with_its_twin_when_saturated_with_constant_fitness():
     assert len(archive) > 150
 
 
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_agrees_with_its_twin_where_it_becomes_crowded(d):
+    """What was remembered of the neighbours of few holds too many of them later."""
+    rng = np.random.default_rng(d)
+    archive, twin = UnstructuredArchive(l=1e-5, k=4), naive.UnstructuredArchive(1e-5, k=4)
+    for size in 0.1 * 2.0 ** -np.arange(10):  # smaller and smaller clouds around the same place
+        x = 0.5 + size * rng.normal(size=(50, d))
+        competitors = np.concatenate([x, archive.descriptor.reshape(-1, d)]) + 5e-6 * rng.choice(
+            [-1, 1], (len(archive) + 50, d)
+        )
+        for rows in (x, competitors[:100]):
+            assert_array_equal(fill(archive, rows), twin.add(rows, np.zeros(len(rows))))
+    assert_agree(archive, twin)
+
+
 @pytest.mark.parametrize("l", [0.0, 1e-300, 1e300])
 def test_extreme_thresholds(l):
     rng = np.random.default_rng(1)
@@ -167,6 +182,46 @@ def test_sorted_insertion_does_not_degenerate():
     assert (status == 1).all()
     assert archive._tree.meta[2] < 1200  # 12,500 without
     assert_array_equal(fill(archive, np.arange(n, dtype=float)[::-1, None], batch=n), 0)
+
+
+squares = st.sampled_from([0.0, 1.0, 2.0, 1e300]) | st.floats(0, 1e300)
+
+
+@given(st.lists(squares, min_size=2, max_size=90), st.integers(1, 30))
+def test_mean_without_the_smallest_agrees_with_its_twin(squared, k):
+    k = min(k, len(squared) - 1)
+    scratch = _neighbours.scratch(30)
+    scratch.near[: len(squared)] = squared
+    assert _neighbours._mean_without_smallest(scratch.near, len(squared), k, scratch) == naive.mean_without_smallest(squared, k)
+
+
+@pytest.mark.parametrize("competition", ["dominance", "elitist"])
+@pytest.mark.parametrize("scale", [1.0, 1e-140, 1e-150, 1e140, 1e150])
+def test_near_copies_agree_with_the_twin(scale, competition):
+    """From exact copies over those within the margin of a novelty to those beyond it."""
+    rng = np.random.default_rng(2)
+    x = rng.random((150, 2)) * scale
+    near = x[rng.integers(0, 150, 600)] + scale * rng.choice([-1, 1], (600, 2)) * 10.0 ** rng.uniform(-17, -3, (600, 1))
+    near[::7] = x[rng.integers(0, 150, len(near[::7]))]
+    rows = np.concatenate([x, near])
+    fitness = rng.choice([0.0, 0.0, 0.0, 1.0], len(rows))
+    archive = UnstructuredArchive(l=0.05 * scale, k=5, competition=competition)
+    twin = naive.UnstructuredArchive(0.05 * scale, k=5, competition=competition)
+    assert_array_equal(fill(archive, rows, fitness), twin.add(rows, fitness))
+    assert_agree(archive, twin)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_credit_agrees_with_its_twin(seed):
+    rng = np.random.default_rng(seed)
+    archive = UnstructuredArchive(l=0.1)
+    fill(archive, rng.random((60, 2)))
+    n, size = 40, len(archive)
+    rows, status = rng.integers(-3, size + 3, n), rng.integers(-1, 3, n)
+    ids = np.where(rng.random(n) < 0.7, archive.id[np.clip(rows, 0, size - 1)], rng.integers(-1, 70, n))
+    expected = naive.credit(archive.curiosity, archive.id, rows, ids, status)
+    archive.credit(ids, status, rows=rows)
+    assert archive.curiosity.tolist() == expected
 
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.1, 0.5])

@@ -38,8 +38,9 @@ def finite_rows(rows: np.ndarray) -> np.ndarray:
     """(n,) bool: which rows of (n, ...) hold neither a NaN nor an infinity."""
     if rows.dtype.kind != "f":
         return np.ones(len(rows), bool)
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = rows.sum()
-    if np.isfinite(total):  # the common case, in one pass: no sum of finite numbers comes from a NaN or an infinity
+    finite = np.isfinite(rows)
+    if rows.ndim == 1:
+        return finite
+    if finite.all():  # the common case, at once instead of row by row
         return np.ones(len(rows), bool)
-    return np.asarray(np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
+    return np.asarray(finite.reshape(len(rows), -1).all(axis=1))

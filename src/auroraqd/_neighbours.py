@@ -23,7 +23,8 @@ import numpy as np
 from numba import njit
 
 BUCKET = 32  # points a leaf can hold
-_SLACK = 1.12  # neighbours that moved away since a reach was measured; found by trying
+_SLACK = 1.06  # neighbours that moved away since a reach was measured; found by trying
+_LANES = 16  # numbers that vectorised loops take at a time
 _DEPTH_LIMIT = 4000  # a deeper tree is rebuilt at once: it is the size of the stacks below
 
 # Positions in a line of Tree.node; the corners of the box follow from _BOX on.
@@ -37,8 +38,9 @@ of another size, differs from it by rounding alone and must not pass for more no
 
 
 # Kernels allocate nothing, so they can do without Numba's reference counts (`_nrt`): counting the arrays of a tuple at each
-# call, with atomic operations, took 30% of the time of an addition.
-_kernel = njit(cache=True, nogil=True, _nrt=False)  # pyright: ignore[reportCallIssue, reportArgumentType]
+# call, with atomic operations, took 30% of the time of an addition. They are inlined into those that Python calls, for a call
+# hands over some hundred numbers that describe the arrays: a third of the time of a search.
+_kernel = njit(cache=True, nogil=True, _nrt=False, forceinline=True)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
 class Tree(NamedTuple):
@@ -238,13 +240,43 @@ def _bucket_distances(points, bucket, x, out):
     """
     coordinates = points[bucket]
     slots = out.shape[0]
+    value, line = x[0], coordinates[0]
     for slot in range(slots):
-        out[slot] = 0.0
-    for j in range(x.shape[0]):
+        difference = line[slot] - value
+        out[slot] = difference * difference
+    for j in range(1, x.shape[0]):
         value, line = x[j], coordinates[j]
         for slot in range(slots):
             difference = line[slot] - value
             out[slot] += difference * difference
+
+
+@njit(inline="always")
+def _bucket_distances_of_both(points, bucket, x, y, from_x, from_y):
+    """As `_bucket_distances`, from two points at once."""
+    coordinates = points[bucket]
+    slots = from_x.shape[0]
+    a, b, line = x[0], y[0], coordinates[0]
+    for slot in range(slots):
+        to_x, to_y = line[slot] - a, line[slot] - b
+        from_x[slot] = to_x * to_x
+        from_y[slot] = to_y * to_y
+    for j in range(1, x.shape[0]):
+        a, b, line = x[j], y[j], coordinates[j]
+        for slot in range(slots):
+            to_x, to_y = line[slot] - a, line[slot] - b
+            from_x[slot] += to_x * to_x
+            from_y[slot] += to_y * to_y
+
+
+@njit(inline="always")
+def _within(distances, n, bound, slots):
+    """Which of the first n distances are at most `bound`, into slots; how many. There is no branch to mispredict."""
+    hits = 0
+    for slot in range(n):
+        slots[hits] = slot
+        hits += distances[slot] <= bound
+    return hits
 
 
 @njit(inline="always")
@@ -280,50 +312,50 @@ class Scratch(NamedTuple):
     stack: _Stack  # nodes still to visit, with the squared distance to their boxes
     distance: np.ndarray  # squared distances to the points of one bucket
     other: np.ndarray  # the same, from another point
+    slots: np.ndarray  # those of them that matter
     nearest: np.ndarray  # smallest squared distances so far
-    near: np.ndarray  # squared distances to the points near an individual,
-    near_other: np.ndarray  # and near the stored one it competes with
-    rank: np.ndarray
+    near: np.ndarray  # squared distances from an individual to the points near it,
+    near_other: np.ndarray  # and from the stored one it competes with
     ranked: np.ndarray
 
 
 def scratch(k):
     """Working memory for novelty over k neighbours."""
-    near = 4 * k + 2 * BUCKET
+    near = 64
     return Scratch(
         stack=_Stack(np.empty(_DEPTH_LIMIT + 2, np.int64), np.empty(_DEPTH_LIMIT + 2)),
         distance=np.empty(BUCKET),
         other=np.empty(BUCKET),
+        slots=np.empty(BUCKET, np.int64),
         nearest=np.empty(k + 1),
         near=np.empty(near),
         near_other=np.empty(near),
-        rank=np.empty(near, np.int64),
         ranked=np.empty(near),
     )
 
 
 @_kernel
-def _two_nearest(tree, x, bound, scratch):
+def _two_nearest(tree, x, bound, enough, scratch):
     """Row of the nearest point within a squared distance below `bound` (-1: none), and the two smallest squared distances.
 
-    Of points equally near, the lowest row. Where there is no first or second, its distance is `bound`.
+    Of points equally near, the lowest row. Where there is no first or second, its distance is `bound`. Stops as soon as two
+    points are found nearer than `enough`, squared, which may then not be the nearest.
     """
     filled, rows, points = tree.filled, tree.rows, tree.points
-    stack, distances = scratch.stack, scratch.distance
+    stack, distances, slots = scratch.stack, scratch.distance, scratch.slots
     row, first, second = -1, bound, bound
     stack.node[0] = 0
     stack.distance[0] = 0.0
     top = 1
-    while top > 0:
+    while top > 0 and second >= enough:
         top -= 1
         if stack.distance[top] > second:
             continue
         bucket, top = _descend(tree, stack.node[top], x, second, stack, top)
         _bucket_distances(points, bucket, x, distances)
-        for slot in range(filled[bucket]):
+        for i in range(_within(distances, filled[bucket], second, slots)):
+            slot = slots[i]
             distance = distances[slot]
-            if distance > second:
-                continue
             if distance < first or (distance == first and row >= 0 and rows[bucket, slot] < row):
                 second = first
                 first = distance
@@ -374,48 +406,70 @@ def _novelty(tree, x, k, scratch):
 def _mean_without_smallest(squared, n, k, scratch):
     """Mean of the roots of the second to (k + 1)-th smallest of n values, added in ascending order, and the last root.
 
-    Ranks instead of sorting: for some twenty values it takes half the time, having no branch to mispredict.
+    Ranks instead of sorting: for some twenty values it takes less than half the time, without a branch to mispredict. Equal
+    values share a rank, and the places after it are theirs too.
     """
-    rank, ranked = scratch.rank, scratch.ranked
+    ranked = scratch.ranked
+    whole = (n + _LANES - 1) // _LANES * _LANES
+    for i in range(n, whole):
+        squared[i] = np.inf
+    for i in range(k + 1):
+        ranked[i] = -1.0
     for i in range(n):
-        value, above = squared[i], 0
-        for j in range(i):
-            smaller = value < squared[j]
-            rank[j] += smaller
-            above += 1 - smaller
-        rank[i] = above
-    for i in range(n):
-        ranked[rank[i]] = squared[i]
-    total = 0.0
+        value, smaller = squared[i], 0
+        for j in range(whole):
+            smaller += squared[j] < value
+        ranked[smaller] = value
+    total, value = 0.0, ranked[0]
     for i in range(1, k + 1):
-        total += np.sqrt(ranked[i])
-    return total / k, np.sqrt(ranked[k])
+        value = max(value, ranked[i])
+        total += np.sqrt(value)
+    return total / k, np.sqrt(value)
 
 
 @_kernel
-def _near_both(tree, x, y, radius, reach, scratch):
-    """Squared distances up to `radius` from x and up to `reach` from y into scratch; how many of each.
+def _near_both(tree, x, y, distance, guess, k, scratch):
+    """Squared distances, from x and from y, to the points near them into scratch; how many, and a radius.
 
-    One walk serves both when the ball around y lies in the ball around x. Stops, and says -1, when they do not fit.
+    They are all the points in a ball around x that encloses the ball around y of that radius: `guess`, or less when more
+    points than fit are in it. The ball then shrinks to the k nearest of y found so far. Stops, and says -1, if that fails.
     """
     filled, points = tree.filled, tree.points
     stack, from_x, from_y = scratch.stack, scratch.distance, scratch.other
     near_x, near_y = scratch.near, scratch.near_other
-    n_x = n_y = 0
+    radius = _enclosing(guess, distance)
+    n = 0
     stack.node[0] = 0
+    stack.distance[0] = 0.0
     top = 1
     while top > 0:
-        bucket, top = _descend(tree, stack.node[top - 1], x, radius, stack, top - 1)
-        if max(n_x, n_y) + BUCKET > near_x.shape[0]:
-            return -1, -1
-        _bucket_distances(points, bucket, x, from_x)
-        _bucket_distances(points, bucket, y, from_y)
+        top -= 1
+        if stack.distance[top] > radius:
+            continue
+        if n + BUCKET > near_x.shape[0]:
+            _, kth = _mean_without_smallest(near_y, n, k, scratch)
+            guess = min(guess, kth)
+            radius = _enclosing(guess, distance)
+            found, n = n, 0
+            for i in range(found):
+                near_x[n], near_y[n] = near_x[i], near_y[i]
+                n += near_x[i] <= radius
+            if n + BUCKET > near_x.shape[0]:
+                return -1, guess
+        bucket, top = _descend(tree, stack.node[top], x, radius, stack, top)
+        _bucket_distances_of_both(points, bucket, x, y, from_x, from_y)
         for slot in range(filled[bucket]):
-            near_x[n_x] = from_x[slot]
-            near_y[n_y] = from_y[slot]
-            n_x += from_x[slot] <= radius
-            n_y += from_y[slot] <= reach
-    return n_x, n_y
+            near_x[n] = from_x[slot]
+            near_y[n] = from_y[slot]
+            n += from_x[slot] <= radius
+    return n, guess
+
+
+@njit(inline="always")
+def _enclosing(radius, distance):
+    """Squared radius of a ball that encloses, whatever the rounding, one of this radius at this distance."""
+    outer = (radius + distance) * (1 + 1e-9)
+    return outer * outer
 
 
 @_kernel
@@ -427,14 +481,14 @@ def _competing_novelties(tree, x, y, row, distance, size, reach, k, scratch):
     time when it fails. In more than three dimensions the enclosing ball is too large for it to pay.
     """
     wanted = min(k, size - 1)
-    guess = reach[row] * _SLACK
-    if guess > 0 and x.shape[0] <= 3:
-        outer = (guess + distance) * (1 + 1e-9)
-        n_x, n_y = _near_both(tree, x, y, outer * outer, guess * guess, scratch)
-        if n_x > wanted and n_y > wanted:  # y is among both
-            novelty, kth = _mean_without_smallest(scratch.near, n_x, wanted, scratch)
-            stored_novelty, reach[row] = _mean_without_smallest(scratch.near_other, n_y, wanted, scratch)
-            return novelty, kth, stored_novelty
+    if reach[row] > 0 and x.shape[0] <= 3:
+        n, radius = _near_both(tree, x, y, distance, reach[row] * _SLACK, wanted, scratch)
+        if n > wanted:  # y is among them
+            stored_novelty, stored_kth = _mean_without_smallest(scratch.near_other, n, wanted, scratch)
+            if stored_kth <= radius:
+                novelty, kth = _mean_without_smallest(scratch.near, n, wanted, scratch)
+                reach[row] = stored_kth
+                return novelty, kth, stored_novelty
     novelty, kth = _novelty(tree, x, k, scratch)
     stored_novelty, reach[row] = _novelty(tree, y, k, scratch)
     return novelty, kth, stored_novelty
@@ -536,7 +590,8 @@ def more_room(stored, size, rows):
 @_kernel
 def _verdict(tree, x, fitness, stored, size, rule, scratch):
     """Status of one individual (0 rejected, 1 new, 2 replaces) and the row it goes to."""
-    row, first, second = _two_nearest(tree, x, rule.l * rule.l * (1 + 1e-12) + 1e-300, scratch)
+    crowded = (1 - rule.epsilon) * rule.l
+    row, first, second = _two_nearest(tree, x, rule.l * rule.l * (1 + 1e-12) + 1e-300, crowded * crowded * (1 - 1e-12), scratch)
     distance = np.sqrt(first)
     if row < 0 or distance > rule.l:
         return (1, size) if size < rule.capacity else (0, -1)
@@ -544,7 +599,12 @@ def _verdict(tree, x, fitness, stored, size, rule, scratch):
     if size == 1:  # no second neighbour, no novelty: only a better fitness could decide, and the paper's rule rejects
         return (2, row) if rule.elitist and fitness > stored_fitness else (0, -1)
     # A distance of 0 to two stored points happens only by underflow; rejecting keeps the stored points distinct.
-    if second == 0 or np.sqrt(second) < (1 - rule.epsilon) * rule.l:
+    if second == 0 or np.sqrt(second) < crowded:
+        return 0, -1
+    # The novelties of two differ by their distance at most, and that of the stored one is no smaller than the distance to the
+    # second, but for as much: of copies it need not be measured. Where squares may have left the range of numbers, it is.
+    copy = 1e-280 < second < 1e280 and distance <= 0.5 * NOVELTY_MARGIN * np.sqrt(second)
+    if copy and fitness == stored_fitness:
         return 0, -1
     novelty = kth = stored_novelty = 0.0
     if fitness == stored_fitness or not rule.elitist:

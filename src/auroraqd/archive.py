@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from auroraqd import _neighbours
@@ -202,11 +203,10 @@ class Archive(ABC):
             return self._add(batch)
 
     def _add(self, batch: dict[str, np.ndarray]) -> np.ndarray:
-        n = len(batch["genotype"])
-        status = np.full(n, REJECTED, np.int8)
-        for name in ("fitness", "observation", "descriptor"):
-            status[~finite_rows(batch[name])] = INVALID
-        if n == 0:
+        valid = finite_rows(batch["fitness"]) & finite_rows(batch["observation"]) & finite_rows(batch["descriptor"])
+        status = np.full(len(valid), REJECTED, np.int8)
+        status[~valid] = INVALID
+        if len(valid) == 0:
             return status
         if len(self) == 0:
             self._clear()
@@ -214,7 +214,7 @@ class Archive(ABC):
         target = self._place(batch["descriptor"], batch["fitness"], status)
         stored = np.flatnonzero(target >= 0)
         target = target[stored]
-        batch = {name: rows[stored] for name, rows in batch.items()}
+        batch = {name: rows.take(stored, axis=0) for name, rows in batch.items()}
         batch["curiosity"] = np.zeros(len(stored))
         batch["id"] = np.arange(self._next_id, self._next_id + len(stored))
         self._next_id += len(stored)
@@ -314,10 +314,18 @@ class Archive(ABC):
             return
         with self._lock, uninterrupted():
             rows = self.rows_of(ids) if rows is None else rows
-            alive = (rows >= 0) & (rows < len(self))
-            alive[alive] = self.id[rows[alive]] == ids[alive]
-            score = np.where(status > REJECTED, _STORED_CREDIT, _UNSTORED_CREDIT)
-            np.add.at(self._population.raw("curiosity"), rows[alive], score[alive])
+            curiosity, stored_ids = (self._population.raw(name)[: len(self)] for name in ("curiosity", "id"))
+            rows, ids = np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(ids)
+            _credit(curiosity, stored_ids, rows, ids, np.ascontiguousarray(status, np.int8))
+
+
+@njit(cache=True, nogil=True)
+def _credit(curiosity, stored_ids, rows, ids, status):
+    """Add what each child earns, (m,) ids and status, to the curiosity of its parent if that is still in its row."""
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        if 0 <= row < curiosity.shape[0] and stored_ids[row] == ids[i]:
+            curiosity[row] += _STORED_CREDIT if status[i] > REJECTED else _UNSTORED_CREDIT
 
 
 class UnstructuredArchive(Archive):
@@ -479,7 +487,7 @@ def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
     """Raise ValueError unless rows fit into a column that is there, in shape and without loss in dtype."""
     if rows.shape[1:] != known.shape[1:]:
         raise ValueError(f"{name} must have shape {('n', *known.shape[1:])}, as before, got {rows.shape}")
-    if not np.can_cast(rows.dtype, known.dtype, "safe"):
+    if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
         raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
 
 

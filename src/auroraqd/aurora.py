@@ -279,8 +279,8 @@ class Aurora:
             raise ValueError(f"selection must return ({wanted},) rows of the archive, got shape {rows.shape} of {rows.dtype}")
         if n_parents > 1:
             rows = rows.reshape(self.batch_size, n_parents)
-        children = np.array(self.variation(self.archive.genotype[rows], self._rng), np.float64)
-        if children.shape != (self.batch_size, self.n_genes) or not ((children >= 0) & (children <= 1)).all():
+        children = np.array(self.variation(self.archive.genotype.take(rows, axis=0), self._rng), np.float64)
+        if children.shape != (self.batch_size, self.n_genes) or not (children.min() >= 0 and children.max() <= 1):
             wanted = (self.batch_size, self.n_genes)
             raise ValueError(f"variation must return genotypes of shape {wanted} in [0, 1], got shape {children.shape}")
         return children, rows if n_parents == 1 else rows[:, 0]
@@ -333,8 +333,9 @@ class Aurora:
 
     def _done(self, pending: Pending, status: np.ndarray) -> None:
         """Count and record a generation in which individuals were given this status."""
+        counts = np.bincount(status - INVALID, minlength=len(_STATUS_NAMES)).tolist()  # INVALID is the lowest
         for value, name in _STATUS_NAMES.items():
-            self._counts[name] += int(np.count_nonzero(status == value))
+            self._counts[name] += counts[value - INVALID]
         self._pending = None
         self.generation += 1
         self.evaluations += len(pending.genotype)
@@ -376,9 +377,9 @@ class Aurora:
                 size=len(self.archive),
                 l=getattr(self.archive, "l", np.nan),
                 **self._counts,
-                mean_fitness=float(fitness.mean()) if len(fitness) else np.nan,
+                mean_fitness=_mean(fitness),
                 max_fitness=float(fitness.max()) if len(fitness) else np.nan,
-                rmse=float(error.mean()) if error is not None and len(error) else np.nan,
+                rmse=np.nan if error is None else _mean(error),
                 seconds=self._seconds,
             )
         )
@@ -389,6 +390,10 @@ class Aurora:
                 f"task {name_of(task)} gave no valid individual in {self.generation} generations: fitness or observation was "
                 f"NaN or infinite for all {self.evaluations} evaluations"
             )
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
 
 
 class _Renewal(NamedTuple):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from numba import njit
 
 from auroraqd._checks import finite_rows
 from auroraqd.scaling import Scaler, Scaling
@@ -49,6 +50,25 @@ class _Affine(NamedTuple):
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         return x @ self.weight + self.offset
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _affine_error(x, z, weight, offset):
+    """Root mean square difference, (n,), of x, (n, features), from `z @ weight + offset`, which is never stored."""
+    n, features = x.shape
+    error = np.empty(n)
+    row = np.empty(features)
+    for i in range(n):
+        for j in range(features):
+            row[j] = x[i, j] - offset[j]
+        for c in range(z.shape[1]):
+            for j in range(features):
+                row[j] -= z[i, c] * weight[c, j]
+        total = 0.0
+        for j in range(features):
+            total += row[j] * row[j]
+        error[i] = np.sqrt(total / features)
+    return error
 
 
 @dataclass(frozen=True)
@@ -185,6 +205,8 @@ class Descriptor:
         z = self._encoded(x)
         if self.decode is None:
             return z, None
+        if isinstance(self.decode, _Affine):
+            return z, _affine_error(x, z, *self.decode)
         reconstruction = np.asarray(self.decode(z), np.float64)
         if reconstruction.shape != x.shape:
             raise DescriptorError(f"the inverse of {self} must return shape {x.shape}, got {reconstruction.shape}")

@@ -38,7 +38,7 @@ class Curiosity:
         return rng.integers(len(archive), size=n)
 
 
-_BLOCK = 64
+_BLOCK = 16
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "nnan", "nsz"})
@@ -72,7 +72,11 @@ def _roulette(score, spins, rows):
         return False
     for i in range(spins.shape[0]):
         place = spins[i] * total
-        block = min(np.searchsorted(ends, place, side="right"), blocks - 1)
+        block, after = 0, blocks - 1  # the first that ends beyond the place, or the last, is between these
+        while block < after:
+            middle = (block + after) // 2
+            beyond = ends[middle] > place
+            block, after = (block if beyond else middle + 1), (middle if beyond else after)
         row = block * _BLOCK
         end = (ends[block - 1] if block > 0 else 0.0) + score[row] - low
         while end <= place and row + 1 < score.shape[0]:

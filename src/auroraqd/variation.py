@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 
 from auroraqd._checks import number
 
@@ -38,10 +39,9 @@ class Polynomial:
         r = rng.random(np.count_nonzero(mutated))
         # (2r)^(1/(eta+1)) - 1 for r < 0.5, and its mirror image above
         size = 1 - (2 * np.minimum(r, 1 - r)) ** (1 / (self.eta + 1))
-        step = np.where(r < 0.5, -size, size)
         children = parents.copy()
-        children[mutated] += step
-        return np.clip(children, 0, 1, out=children)
+        _step(children, mutated, np.where(r < 0.5, -size, size))
+        return children
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,7 @@ class Gaussian:
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, n_genes) parents to (n, n_genes) children."""
         mutated = _mutated(parents.shape, self.rate, self.at_least_one, rng)
-        children = parents + mutated * rng.normal(0, self.sigma, parents.shape)
-        return np.clip(children, 0, 1, out=children)
+        return _clipped(parents + mutated * rng.normal(0, self.sigma, parents.shape))
 
 
 @dataclass(frozen=True)
@@ -94,13 +93,41 @@ class IsoLine:
         first, second = parents[:, 0], parents[:, 1]
         children = first + rng.normal(0, self.iso_sigma, first.shape)
         children += rng.normal(0, self.line_sigma, (len(first), 1)) * (second - first)
-        return np.clip(children, 0, 1, out=children)
+        return _clipped(children)
+
+
+def _clipped(children: np.ndarray) -> np.ndarray:
+    """The same array, its genes in [0, 1]. Half the time of `np.clip`."""
+    np.maximum(children, 0, out=children)
+    return np.minimum(children, 1, out=children)
 
 
 def _mutated(shape: tuple[int, int], rate: float, at_least_one: bool, rng: np.random.Generator) -> np.ndarray:
     """Which genes mutate: (n, n_genes) bool."""
     mutated = rng.random(shape) < rate
     if at_least_one:
-        unmutated = np.flatnonzero(~mutated.any(axis=1))
+        unmutated = _rows_without(mutated)
         mutated[unmutated, rng.integers(shape[1], size=len(unmutated))] = True
     return mutated
+
+
+@njit(cache=True, nogil=True)
+def _rows_without(mutated):
+    """The rows of (n, n_genes) bool that have no True, (m,) int64."""
+    rows = np.empty(mutated.shape[0], np.int64)
+    found = 0
+    for i in range(mutated.shape[0]):
+        rows[found] = i
+        found += not mutated[i].any()
+    return rows[:found]
+
+
+@njit(cache=True, nogil=True)
+def _step(genes, mutated, steps):
+    """Change the genes that mutate, (n, n_genes), by one step each, row by row, and no farther than to 0 or 1."""
+    step = 0
+    for i in range(genes.shape[0]):
+        for j in range(genes.shape[1]):
+            if mutated[i, j]:
+                genes[i, j] = min(max(genes[i, j] + steps[step], 0.0), 1.0)
+                step += 1
