@@ -220,3 +220,18 @@ def _from_nowhere():
 async def leave():
     """Ends a worker of a cluster."""
     os._exit(1)
+
+
+class Careless:
+    """Changes what it is given, before it raises too, and returns one array again and again."""
+
+    def __init__(self):
+        self.buffer = np.zeros((100, GENES))
+
+    def __call__(self, genotypes):
+        wrong = bad(genotypes).any()
+        self.buffer[: len(genotypes)] = genotypes
+        genotypes[:] = 0
+        if wrong:
+            raise ArithmeticError("the solver did not converge")
+        return np.zeros(len(genotypes)), self.buffer[: len(genotypes)]

@@ -199,9 +199,27 @@ def test_what_is_told_is_checked():
     for row, outcome, message in (
         (3, (0, 0), "row must be"),
         (-1, (0, 0), "row must be"),
-        (0, 0.5, r"outcome must have shape \(2,\)"),
-        (0, (0, np.inf), "no infinity"),
+        (0, 0.5, "outcome must be 2 numbers, as promised"),
+        (0, (0, np.inf), "finite or NaN"),
     ):
         with pytest.raises(ValueError, match=message):
             adaptation.tell(row, outcome)
     assert adaptation.best is None
+
+
+def test_a_failure_is_one_nan_or_all():
+    promise = np.random.default_rng(0).random((5, 2))
+    for failure in (np.nan, [np.nan, np.nan], [np.nan, 1.0]):
+        adaptation = Adaptation(promise, promise, goal=[0.5, 0.5])
+        row = adaptation.ask()
+        adaptation.tell(row, failure)
+        assert adaptation.best is None
+        assert adaptation.ask() != row
+
+
+def test_a_constant_promise_leaves_all_to_learn():
+    """The standard deviation of equal numbers is not always 0."""
+    space = np.random.default_rng(0).random((1000, 2))
+    adaptation = Adaptation(space, np.full(1000, 0.1))
+    adaptation.tell(0, 0.2)
+    assert adaptation.predict()[1].max() > 0.5

@@ -359,7 +359,7 @@ def test_bad_tasks_get_a_clear_error_and_lose_nothing(result, message):
 
 def test_a_shape_that_changes_midway():
     aurora = Aurora(2, PCA(n_components=2), seed=0, batch_size=5).run(circle, generations=3)
-    with pytest.raises(TaskError, match=r"observation must have shape \('n', 5, 2\), as before, got \(5, 4, 2\)"):
+    with pytest.raises(TaskError, match=r"observation must have shape \(n, 5, 2\), as before, got \(5, 4, 2\)"):
         aurora.run(lambda g: (np.zeros(len(g)), np.zeros((len(g), 4, 2))), generations=1)
     with pytest.raises(TaskError, match="ground_truth must be given for every generation or for none"):
         aurora.run(lambda g: (*circle(g), np.zeros((len(g), 2))), generations=1)

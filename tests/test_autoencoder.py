@@ -270,7 +270,7 @@ def test_bad_rows_after_fitting():
     with pytest.raises(NotFittedError, match="call fit first"):
         encoder.transform(np.zeros((1, 4)))
     encoder.fit(np.random.default_rng(0).random((20, 4)))
-    with pytest.raises(ValueError, match=r"x must have shape \('n', 4\), as in fit, got \(2, 5\)"):
+    with pytest.raises(ValueError, match=r"x must have shape \(n, 4\), as in fit, got \(2, 5\)"):
         encoder.transform(np.zeros((2, 5)))
     with pytest.raises(ValueError, match=r"z must have shape \(n, 2\), got \(1, 3\)"):
         encoder.inverse_transform(np.zeros((1, 3)))

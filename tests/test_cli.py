@@ -297,3 +297,47 @@ def test_a_task_with_a_parameter(tmp_path):
 def test_tasks_that_are_not(tmp_path, task, message):
     assert message in " ".join(command("run", task, cwd=tmp_path, ok=False).stderr.split())
     assert not (tmp_path / "runs").exists()
+
+
+def test_names_of_files_are_no_markup(tmp_path):
+    done = command("run", "ballistic", "-n", 2, "--no-figures", "--out", "q[/x][red]:smile:", cwd=tmp_path)
+    assert "q[/x][red]:smile:/repertoire.safetensors" in done.stdout
+    assert "task nomod:x: there is no module nomod" in command("run", "nomod:x", cwd=tmp_path, ok=False).stderr
+
+
+OWN = """
+import os, sys
+import numpy as np
+
+def plain(g): return g[:, 0], g, g
+def elsewhere(g): os.chdir({elsewhere!r}); return g[:, 0], g
+def leaves(g): sys.exit(0)
+plain.n_genes = elsewhere.n_genes = leaves.n_genes = int(os.environ.get("GENES", 2))
+"""
+
+
+def test_tasks_of_ones_own_that_have_not_what_is_asked_for_or_do_what_they_must_not(tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "own.py").write_text(OWN.format(elsewhere=str(tmp_path / "other")))
+    (tmp_path / "gone.py").write_text("import sys; sys.exit(0)")
+    small = ["-n", 3, "--batch-size", 20, "--no-figures"]
+    command("run", "own:plain", "--descriptor", "hand-coded", "--archive", "grid:low=0", *small, "--out", "grid", cwd=tmp_path)
+    for options, message in (
+        (["--pretrained"], "pretrained needs a prior data set, and task plain has no method prior()"),
+        (["--descriptor", "observation", "--archive", "grid"], "task plain has no method bounds()"),
+        (["--descriptor", "hand-coded", "--archive", "grid", "own:elsewhere"], "task elsewhere gives none"),
+    ):
+        name = options.pop() if options[-1].startswith("own:") else "own:plain"
+        done = command("run", name, *options, *small, cwd=tmp_path, ok=False)
+        assert message in " ".join(done.stderr.split())
+        assert "Traceback" not in done.stderr
+    command("run", "own:elsewhere", *small, "--out", "moved", cwd=tmp_path)
+    assert len(auroraqd.load(tmp_path / "moved")) > 5
+    assert not any((tmp_path / "other").iterdir())
+    assert "called sys.exit(0)" in command("run", "own:leaves", *small, cwd=tmp_path, ok=False).stderr
+    assert "cannot be imported: SystemExit" in command("run", "gone:x", *small, cwd=tmp_path, ok=False).stderr
+    changed = subprocess.run(
+        [*COMMAND, "resume", "moved", "-n", "5"], cwd=tmp_path, env={**os.environ, "GENES": "3"}, capture_output=True, text=True
+    )
+    assert changed.returncode == 1
+    assert "has 3 genes now, and the run in moved has 2" in " ".join(changed.stderr.split())

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 from sklearn.decomposition import PCA
 
-from auroraqd.descriptor import Descriptor, _affine_error
+from auroraqd.descriptor import Descriptor, _Affine, _affine_error
 
 
 @pytest.mark.parametrize(("n", "features", "d"), [(1, 1, 1), (5, 7, 2), (20, 100, 3)])
@@ -25,3 +25,15 @@ def test_error_is_that_of_the_reconstruction():
         descriptor.scaler(o) for o in (observation, descriptor.reconstruct(descriptor.describe_observation(observation)))
     )
     assert_allclose(error, np.sqrt(((scaled - back) ** 2).mean(axis=1)), rtol=1e-9)
+
+
+def test_large_observations_are_not_folded():
+    """A matrix of all entries by all entries would fill the memory."""
+    x = np.random.default_rng(0).random((30, 60, 60, 1))
+    fitted = Descriptor(PCA(2, svd_solver="full")).refitted(x)
+    values, error = fitted.describe(x, x, None)
+    scaled = 2 * (x - x.min()) / np.ptp(x) - 1
+    pca = PCA(2, svd_solver="full").fit(scaled.reshape(30, -1))
+    np.testing.assert_allclose(np.abs(values), np.abs(pca.transform(scaled.reshape(30, -1))), atol=1e-9)
+    assert not isinstance(fitted.encode, _Affine)
+    assert error.shape == (30,)

@@ -405,3 +405,21 @@ def test_an_interrupt_ends_the_workers():
     assert not any(map(alive, processes))
     assert np.isfinite(task(GENOTYPES[~BAD]).fitness).all()  # with new ones
     task.close()
+
+
+@pytest.mark.parametrize("retries", [1, 2])
+def test_workers_that_are_gone_are_nowhere_to_send_to(retries):
+    """What fails on the only one there is does not wait for those before it."""
+    with evaluate.over(evaluate.processes(1), robots.raises, retries=retries) as task:
+        task(GENOTYPES[~BAD])
+        task.close()
+        check(task(GENOTYPES), BAD)
+
+
+def test_threads_do_not_share_arrays_with_the_caller():
+    genotypes = GENOTYPES.copy()
+    with evaluate.over(partial(ThreadPoolExecutor, 1), robots.Careless(), chunk=10, workers=1) as task:
+        evaluation = task(genotypes)
+    assert_array_equal(genotypes, GENOTYPES)
+    assert_array_equal(np.isfinite(evaluation.fitness), ~BAD)
+    assert_array_equal(evaluation.observation[~BAD], GENOTYPES[~BAD])

@@ -196,3 +196,21 @@ def test_command_line(tmp_path):
 def test_tasks_that_are_none(tmp_path, task, message):
     assert message in command(tmp_path, "run", task, "-n", 2, code=1)
     assert not (tmp_path / "runs" / "x").exists()
+
+
+def test_one_array_returned_again_and_again_is_many():
+    buffer = np.zeros(2)
+
+    def careless(genotype):
+        buffer[:] = genotype
+        return genotype[0], buffer, buffer
+
+    genotypes = np.random.default_rng(0).random((20, 2))
+    for column in tasks.each(careless)(genotypes)[1:]:
+        assert_array_equal(column, genotypes)
+    assert_array_equal(tasks.each(lambda genotype: careless(genotype)[1])(genotypes), genotypes)
+
+
+def test_a_tuple_of_four_is_refused():
+    with pytest.raises(ValueError, match="observation alone, got a tuple of 4"):
+        tasks.each(lambda genotype: (0.0, genotype, genotype, genotype))(np.zeros((2, 2)))

@@ -496,6 +496,13 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.MLP(scale=(1, 1)).policy(np.zeros((1, 100)), 3, 1), "scale must have 3 entries"),
         (lambda: filmed(), "names must be 2, one for each genotype, got 1"),
         (lambda: filmed(env_id="CartPole-v1"), "task CartPole-v1 is not of MuJoCo"),
+        (lambda: tasks.Gym("Swimmer-v5", positions=[0.5]), "positions must be whole numbers of shape"),
+        (lambda: tasks.Gym("Swimmer-v5", positions=3), "positions must be whole numbers of shape"),
+        (lambda: tasks.Gym("Swimmer-v5", modify=5), "modify must be a function"),
+        (lambda: tasks.Gym("Swimmer-v5", modify=lambda model: 1 / 0), "modify raised ZeroDivisionError for Swimmer-v5"),
+        (lambda: tasks.Gym("Swimmer-v5", controller=tasks.Sinusoids), "controller must have a method n_genes"),
+        (lambda: tasks.Gym("Swimmer-v5", fitness=np.zeros(3)), "fitness must be a function of an Episode"),
+        (lambda: tasks.MLP(hidden=5), "hidden must be the neurons of each layer"),
     ],
 )
 def test_mistakes(call, message):
@@ -512,7 +519,12 @@ def test_spaces_that_are_no_use():
     class Unbounded(Odd):
         action_space = gymnasium.spaces.Box(-np.inf, np.inf, (2,))
 
+    class Motionless(Odd):
+        observation_space = gymnasium.spaces.Box(-1, 1, (2,))
+        action_space = gymnasium.spaces.Box(0, 0, (2,))
+
     for env_id, entry_point, message in (
+        ("Motionless-v0", Motionless, "actions of Motionless-v0 must have a range to move in"),
         ("Odd-v0", Odd, "observations of Odd-v0 are not always as many numbers"),
         ("Unbounded-v0", Unbounded, "actions of Unbounded-v0 must be discrete, or numbers with bounds, got Box"),
     ):
@@ -528,3 +540,22 @@ def test_without_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ValueError, match=r'not installed: pip install "auroraqd\[robots\]"'):
         tasks.Gym("Swimmer-v5")
+
+
+def beyond(genotypes, actuators, time):
+    return np.full((len(genotypes), len(time), actuators), 5.0)
+
+
+beyond.n_genes = lambda actuators: 1
+
+
+def test_controls_stay_in_range():
+    task = tasks.Gym("Swimmer-v5", controller=beyond, steps=3, samples=3)
+    assert_array_equal(task.episode(np.zeros((1, 1))).control, 1.0)
+
+
+def test_a_limit_of_the_environment_that_is_asked_for_holds():
+    task = tasks.Gym("Swimmer-v5", steps=6, samples=6, options={"max_episode_steps": 3})
+    path = task(np.full((1, task.n_genes), 0.8)).observation[0]
+    assert (path[2] == path[5]).all()
+    assert (path[1] != path[2]).any()

@@ -7,7 +7,7 @@ from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd import evaluate, tasks
-from auroraqd.tasks.noise import seeds_of
+from auroraqd.tasks.noise import other_seeds, seeds_of
 
 GENOTYPES = np.random.default_rng(0).random((40, 3))
 
@@ -170,3 +170,21 @@ def test_mistakes():
     unaware.seeded = True
     with pytest.raises(auroraqd.TaskError, match="task unaware at generation 0 raised TypeError"):
         grown(unaware)
+
+
+def test_skills_are_not_evaluated_with_the_seeds_of_their_run(tmp_path):
+    """They would seem to be repeatable."""
+    auroraqd.save(auroraqd.Aurora(3, PCA(2), seed=0, batch_size=30).run(Windy(), generations=2), tmp_path)
+    assert (auroraqd.load(tmp_path).evaluate(Windy()).error > 0).all()
+    assert not np.isin(other_seeds(0, 1000), seeds_of(0, 0, 1000)).any()
+
+
+def test_seeds_that_are_missing_are_said():
+    with pytest.raises(ValueError, match="it is seeded, and needs a seed for each genotype"):
+        tasks.repeated(Windy(), 2)(GENOTYPES)
+
+    def forgetful(genotypes, seeds):
+        return genotypes
+
+    with pytest.raises(auroraqd.TaskError, match=r"a task that takes them must say so, my_task\.seeded = True"):
+        grown(forgetful)

@@ -114,3 +114,35 @@ def test_tables(learned, tmp_path):
         assert_allclose(read["descriptor_0"], learned.descriptor[:, 0])
     with pytest.raises(ValueError, match="genotypes must have 1 genes"):
         learned.to_pandas(Genes(a=(0, 1)))
+
+
+def test_tasks_that_change_what_they_are_given_and_use_their_arrays_again(learned):
+    buffer = np.zeros((3, *learned.observation.shape[1:]))
+
+    def careless(genotypes):
+        buffer[:] = genotypes.sum()
+        genotypes *= 0.5
+        return genotypes[:, 0], buffer, genotypes
+
+    again = learned.evaluate(careless, [0, 1, 2], times=3)
+    assert_array_equal(again.fitness, np.repeat(learned.genotype[:3, :1] / 2, 3, axis=1))
+    assert_array_equal(again.observation, learned.genotype[:3].sum())
+    assert again.ground_truth.shape == (3, 3, 2)
+    calls = iter([1.0, 2.0])
+
+    def unsteady(genotypes):
+        buffer[:] = next(calls)
+        return buffer
+
+    assert_array_equal(learned.evaluate(unsteady, [0, 1, 2], times=2).observation[0, :, 0, 0], [1, 2])
+
+
+def test_results_are_printed_in_short(learned):
+    for found in (learned.reach(learned.observation[0], k=3), learned.evaluate(Ballistic(), [0, 1])):
+        assert len(repr(found)) < 400
+        assert "observation: float64 (" in repr(found)
+
+
+def test_genes_called_like_other_columns(learned):
+    with pytest.raises(ValueError, match="genes must not be called like other columns of the table: fitness, observation_0_1"):
+        learned.to_pandas(Genes(fitness=(0, 1), observation_0_1=(0, 1)))

@@ -130,7 +130,7 @@ def test_a_transformer_that_cannot_be_saved_does_not_cost_the_repertoire(tmp_pat
 
 
 def test_other_shapes_are_refused(folder):
-    with pytest.raises(ValueError, match=r"observation must have shape \('n', 50, 2\), as those"):
+    with pytest.raises(ValueError, match=r"observation must have shape \(n, 50, 2\), as those"):
         auroraqd.load(folder).describe(np.zeros((3, 7)))
 
 

@@ -1,4 +1,4 @@
-"""Checks of arguments: one sentence with the argument's name, what was wanted and what came."""
+"""What arguments must be, and how to say what came: one sentence with the argument's name, what was wanted and what came."""
 
 from typing import Any
 
@@ -32,6 +32,20 @@ def number(name: str, value: Any, *, least: float = 0.0, most: float = np.inf, w
     if not (numeric and least <= value <= most and abs(value) < np.inf):
         raise ValueError(f"{name} must be a finite number, {wanted}, got {value!r}")
     return float(value)
+
+
+def rows_of(shape: tuple[int, ...]) -> str:
+    """The shape of rows, for messages: "(n, 50, 2)"."""
+    return f"({', '.join(map(str, ('n', *shape)))}{'' if shape else ','})"
+
+
+def in_short(columns: Any) -> str:
+    """A named tuple of arrays by their shapes, or values where there are few."""
+    texts = [
+        f"{name}={value}" if value is None or np.size(value) <= 10 else f"{name}: {value.dtype} {value.shape}"
+        for name, value in zip(columns._fields, columns, strict=True)
+    ]
+    return f"{type(columns).__name__}({', '.join(texts)})"
 
 
 def finite_rows(rows: np.ndarray) -> np.ndarray:

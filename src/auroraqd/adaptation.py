@@ -78,9 +78,9 @@ class Adaptation:
         if not (np.isfinite(space).all() and np.isfinite(promise).all()):
             raise ValueError("space and promise must be finite")
         self._kappa = number("kappa", kappa)
-        self._space = space / (_positive(space.std(axis=0)) * np.sqrt(space.shape[1]))
+        self._space = space / (_spread(space) * np.sqrt(space.shape[1]))
         self._promise = promise.reshape(len(space), -1)
-        spread = _positive(self._promise.std(axis=0))
+        spread = _spread(self._promise)
         self._scale = spread if scale is None else np.asarray(scale, np.float64)
         if self._scale.shape not in ((), spread.shape) or not ((self._scale > 0) & np.isfinite(self._scale)).all():
             raise ValueError(f"scale must be one positive number, or {len(spread)}, got {scale!r}")
@@ -92,6 +92,9 @@ class Adaptation:
         self._outcomes: list[np.ndarray] = []
         self._tried = np.zeros(len(space), bool)
         self._belief: tuple[np.ndarray, np.ndarray] | None = None
+
+    def __repr__(self) -> str:
+        return f"Adaptation of {len(self._tried)} skills after {int(self._tried.sum())} tried: best {self.best}"
 
     def ask(self) -> int:
         """The row of the skill to try next.
@@ -105,24 +108,26 @@ class Adaptation:
         return int(np.where(self._tried, -np.inf, mean + self._kappa * deviation).argmax())
 
     def tell(self, row: int, outcome: ArrayLike) -> None:
-        """Learn what a trial led to: any skill, whether it was asked for or not.
+        """Learn what a trial led to: any skill, whether it was asked for or not. One tried twice counts twice.
 
         Args:
             row: of the skill.
-            outcome: the performance, or (m,) the outcome where outcomes were promised. NaN: the trial failed; nothing is
-                learned from it but not to ask for this skill again.
+            outcome: the performance, or (m,) the outcome where outcomes were promised. NaN, one or all: the trial failed;
+                nothing is learned from it but not to ask for this skill again.
 
         Raises:
             ValueError: there is no such row, or the outcome has the wrong shape or an infinity.
         """
         row = whole("row", row, least=0, most=len(self._tried) - 1)
-        told, shape = np.asarray(outcome, np.float64), () if self._goal is None else self._promise.shape[1:]
-        if told.shape != shape or np.isinf(told).any():
-            raise ValueError(f"outcome must have shape {shape} and no infinity, got {outcome!r}")
+        told, columns = np.asarray(outcome, np.float64).reshape(-1), self._promise.shape[1]
+        failed = bool(np.isnan(told).any())
+        if np.isinf(told).any() or (len(told) != columns and not (failed and len(told) == 1)):
+            wanted = "a number" if self._goal is None else f"{columns} numbers, as promised"
+            raise ValueError(f"outcome must be {wanted}, finite or NaN, got {outcome!r}")
         self._tried[row] = True
-        if not np.isnan(told).any():
+        if not failed:
             self._rows.append(row)
-            self._outcomes.append(told.reshape(-1))
+            self._outcomes.append(told)
             self._belief = None
 
     @property
@@ -175,6 +180,6 @@ class Adaptation:
         return outcomes[:, 0] if self._goal is None else -np.linalg.norm(outcomes - self._goal, axis=1)
 
 
-def _positive(spread: np.ndarray) -> np.ndarray:
-    """A spread to divide by: that of a constant is 1."""
-    return np.where(spread > 0, spread, 1.0)
+def _spread(rows: np.ndarray) -> np.ndarray:
+    """Standard deviation of each column, to divide by: that of a constant is 1."""
+    return np.where(np.ptp(rows, axis=0) > 0, rows.std(axis=0), 1.0)

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from auroraqd import _neighbours
-from auroraqd._checks import finite_rows, number, whole
+from auroraqd._checks import finite_rows, number, rows_of, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.population import Population
 
@@ -486,7 +486,7 @@ class UnstructuredArchive(Archive):
 def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
     """Raise ValueError unless rows fit into a column that is there, in shape and without loss in dtype."""
     if rows.shape[1:] != known.shape[1:]:
-        raise ValueError(f"{name} must have shape {('n', *known.shape[1:])}, as before, got {rows.shape}")
+        raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
         raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
 

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
-from auroraqd._checks import finite_rows, number, whole
+from auroraqd._checks import finite_rows, number, rows_of, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.scaling import Scaler, Scaling
 
@@ -210,7 +210,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         scaler, network = self._in_use()
         x = _observations(x, empty=True)
         if x.shape[1:] != self.observation_shape_:
-            raise ValueError(f"x must have shape {('n', *self.observation_shape_)}, as in fit, got {x.shape}")
+            raise ValueError(f"x must have shape {rows_of(self.observation_shape_)}, as in fit, got {x.shape}")
         return network.encode(scaler(x))
 
     def inverse_transform(self, z: ArrayLike) -> np.ndarray:

@@ -58,7 +58,7 @@ class Checkpoints:
         report: Callable[[str], Any] = lambda text: warnings.warn(text, stacklevel=4),
     ) -> None:
         self.aurora = aurora
-        self.folder = Path(folder)
+        self.folder = Path(folder).absolute()  # a task may change the current folder
         self._every = number("every", every)
         self._config = config
         self._overwrite = overwrite

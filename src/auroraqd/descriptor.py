@@ -13,13 +13,17 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numba import njit
 
-from auroraqd._checks import finite_rows
+from auroraqd._checks import finite_rows, rows_of
 from auroraqd.scaling import Scaler, Scaling
 
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"
 OBSERVATION = "observation"
 NAMES = (HAND_CODED, GENOTYPE, OBSERVATION)
+
+
+_FOLDED = 2048
+"""Entries of an observation, at most, for which affine transformers become one matrix: that takes the square of them."""
 
 
 class DescriptorError(ValueError):
@@ -158,7 +162,7 @@ class Descriptor:
         if isinstance(self.source, str):
             return replace(fitted, encode=_unchanged)
         encode, decode = _functions(self.source, shape)
-        if _is_affine(self.source):
+        if features <= _FOLDED and _is_affine(self.source):
             # A call of a scikit-learn pipeline costs as much as everything else in a generation; a product, 1% of that.
             encode = _affine(encode, features)
             decode = decode and _affine(decode, encode.weight.shape[1])
@@ -217,7 +221,7 @@ class Descriptor:
         assert self.scaler is not None  # it is ready
         if observation.shape[1:] != self.shape or observation.ndim == 0:
             raise DescriptorError(
-                f"observation must have shape {('n', *self.shape)}, as those it was fitted on, got {observation.shape}"
+                f"observation must have shape {rows_of(self.shape)}, as those it was fitted on, got {observation.shape}"
             )
         return self.scaler(observation)
 

@@ -201,6 +201,7 @@ class Spread:
     def _end_executor(self) -> None:
         """End the workers, also those that hang; the next use starts new ones."""
         executor, self._executor = self._executor, None
+        self._trust = Trust()  # of its workers; those of the next are others
         if executor is not None:
             with suppress(Exception):  # of one that is broken
                 getattr(executor, "kill", lambda: None)()
@@ -284,7 +285,8 @@ class _Batch:
     def _submitted(self, piece: _Piece) -> Future:
         spread = self._spread
         executor, rows = spread._started(), slice(piece.start, piece.stop)
-        work = self._genotypes[rows], None if self._seeds is None else self._seeds[rows]
+        # Copies, for threads of this process may do with them what they like.
+        work = self._genotypes[rows].copy(), None if self._seeds is None else self._seeds[rows].copy()
         if piece.declined >= _DECLINED or spread._workers == 1:
             spread._trust.met_all()
         elsewhere = spread._trust.elsewhere(piece.failed_on)
@@ -356,7 +358,6 @@ class _Batch:
             self._again.extendleft(piece for piece, _ in self._running.values())
             self._running.clear()
             self._spread._end_executor()
-            self._spread._trust = Trust()
             return False
         return True
 
@@ -462,5 +463,5 @@ def _evaluate(
         evaluation = as_evaluation(result, len(work[0]))
     except ValueError as error:
         return _Answer(worker, refused=Refused(ValueError, str(error)))
-    columns: Any = (None if column is None else np.asarray(column) for column in evaluation)
+    columns: Any = (None if column is None else np.array(column) for column in evaluation)  # the task may use its own again
     return _Answer(worker, Evaluation(*columns), seconds=seconds)

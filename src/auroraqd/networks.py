@@ -16,6 +16,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from auroraqd._checks import rows_of
+
 Array = Any  # of NumPy or of JAX
 
 KERNEL = (6, 2)  # steps, channels
@@ -75,7 +77,7 @@ def convolutional(shape: tuple[int, ...], n_components: int, rng: np.random.Gene
     """
     if len(shape) != 2:
         raise ValueError(
-            f"network 'convolutional' is for time series, observations of shape (n, steps, channels), got {('n', *shape)}: "
+            f"network 'convolutional' is for time series, observations of shape (n, steps, channels), got {rows_of(shape)}: "
             "network 'mlp' takes any shape"
         )
     features = math.prod(shape)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import whole
+from auroraqd._checks import in_short, whole
 from auroraqd.descriptor import Descriptor
 from auroraqd.scaling import Scaling
-from auroraqd.tasks import Genes, evaluated
-from auroraqd.tasks.noise import seeds_of
+from auroraqd.tasks import Evaluation, Genes, evaluated
+from auroraqd.tasks.noise import other_seeds
 
 if TYPE_CHECKING:
     import pandas
@@ -37,6 +37,9 @@ class Reached(NamedTuple):
     observation: np.ndarray
     reconstruction: np.ndarray | None
 
+    def __repr__(self) -> str:
+        return in_short(self)
+
 
 class Again(NamedTuple):
     """Skills that were evaluated again.
@@ -45,11 +48,16 @@ class Again(NamedTuple):
         fitness: (n, times).
         observation: (n, times, ...).
         error: (n, times), root mean square difference to the stored observation, in its units; NaN where it is invalid.
+        ground_truth: (n, times, ...), or None.
     """
 
     fitness: np.ndarray
     observation: np.ndarray
     error: np.ndarray
+    ground_truth: np.ndarray | None
+
+    def __repr__(self) -> str:
+        return in_short(self)
 
 
 class Repertoire:
@@ -182,7 +190,10 @@ class Repertoire:
             task: see `auroraqd.tasks`; its observations must have the shape of those stored.
             rows: (n,) of the repertoire, all of it by default.
             times: how often.
-            seed: of a task whose outcome depends on chance: each evaluation gets one of its own from it.
+            seed: of a task whose outcome depends on chance: each evaluation gets one of its own from it, none of a run's.
+
+        Returns:
+            fitness, observation, error to the stored observation, and ground truth, of each skill each time: see `Again`.
 
         Raises:
             IndexError, ValueError: there are no such rows, or an argument is out of range.
@@ -192,8 +203,11 @@ class Repertoire:
         if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
             raise ValueError(f"rows must be whole numbers of shape (n,), got shape {chosen.shape} of {chosen.dtype}")
         genotype, stored = self.genotype[chosen], self.observation[chosen]
-        seeds = seeds_of(whole("seed", seed, least=0), 0, whole("times", times) * len(chosen)).reshape(times, len(chosen))
-        found = [evaluated(task, genotype, theirs, "with skills of the repertoire") for theirs in seeds]
+        seeds = other_seeds(whole("seed", seed, least=0), whole("times", times) * len(chosen)).reshape(times, len(chosen))
+        found = []
+        for theirs in seeds:  # copies, for the task may change what it is given, and use again what it returns
+            evaluation = evaluated(task, genotype.copy(), theirs.copy(), "with skills of the repertoire")
+            found.append(Evaluation(*(None if column is None else np.array(column) for column in evaluation)))
         for evaluation in found:
             if evaluation.observation.shape != stored.shape:
                 raise ValueError(f"observation must have shape {stored.shape}, as stored, got {evaluation.observation.shape}")
@@ -201,7 +215,8 @@ class Repertoire:
         observation = np.stack([evaluation.observation for evaluation in found], axis=1)
         difference = (observation.astype(np.float64) - stored[:, None]).reshape(*fitness.shape, -1)
         error = np.sqrt(np.mean(np.where(np.isfinite(difference), difference, np.nan) ** 2, axis=2))
-        return Again(fitness, observation, error)
+        truths = [evaluation.ground_truth for evaluation in found if evaluation.ground_truth is not None]
+        return Again(fitness, observation, error, np.stack(truths, axis=1) if truths else None)
 
     def to_pandas(self, genes: Genes | None = None, observation: bool = True) -> "pandas.DataFrame":
         """A table, a skill a row, which pandas writes to CSV, Parquet and others. Needs pandas, the extra `tables`.
@@ -211,24 +226,26 @@ class Repertoire:
             observation: whether its entries are columns too: observation_0_1, ...
 
         Raises:
-            ValueError: pandas is not installed, or genes are of another number.
+            ValueError: pandas is not installed, or genes are of another number, or called like another column.
         """
         try:
             import pandas
         except ImportError:
             raise ValueError('pandas is not installed: pip install "auroraqd[tables]"') from None
-        columns: dict[str, np.ndarray] = {}
+        others: dict[str, np.ndarray] = {}
         for name, rows in self._columns.items():
-            if name == "observation" and not observation:
+            if (name == "observation" and not observation) or (name == "genotype" and genes is not None):
                 continue
-            if name == "genotype" and genes is not None:
-                columns |= dict(zip(genes.names, genes.scale(rows).T, strict=True))
-            elif rows.ndim == 1:
-                columns[name] = rows
+            if rows.ndim == 1:
+                others[name] = rows
             else:
                 for index in np.ndindex(*rows.shape[1:]):
-                    columns["_".join(map(str, (name, *index)))] = rows[(slice(None), *index)]
-        return pandas.DataFrame(columns)
+                    others["_".join(map(str, (name, *index)))] = rows[(slice(None), *index)]
+        twice = [] if genes is None else [name for name in genes.names if name in others]
+        if twice:
+            raise ValueError(f"genes must not be called like other columns of the table: {', '.join(twice)}")
+        named = {} if genes is None else dict(zip(genes.names, genes.scale(self.genotype).T, strict=True))
+        return pandas.DataFrame({**named, **others})
 
     def _loaded(self) -> Descriptor:
         if self._descriptor is None:

@@ -215,7 +215,7 @@ def wrong(**changes):
         (wrong(fitness=np.zeros(3)), "fitness must have 4 rows"),
         (wrong(fitness=np.zeros((4, 1))), r"fitness must have shape \(n,\), got \(4, 1\)"),
         (wrong(descriptor=np.zeros(4)), "descriptor must have shape"),
-        (wrong(descriptor=np.zeros((4, 3))), r"descriptor must have shape \('n', 2\), as before"),
+        (wrong(descriptor=np.zeros((4, 3))), r"descriptor must have shape \(n, 2\), as before"),
         (wrong(genotype=np.zeros(3)), "genotype must have shape"),
         (wrong(genotype=np.full((4, 3), np.nan)), "genotype must be finite"),
         (wrong(observation=np.zeros((4, 2, 2))), "observation must have shape"),

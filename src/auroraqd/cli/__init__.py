@@ -1,6 +1,7 @@
 """The command line, a module for what belongs together. Heavy imports are inside the commands: `--help` must answer at once."""
 
 import sys
+import warnings
 from typing import Annotated
 
 import typer
@@ -37,6 +38,7 @@ def _options(
 
 def main() -> None:
     """The `auroraqd` command."""
+    warnings.showwarning = lambda message, *_, **__: errors.print(f"Warning: {message}", highlight=False)
     try:
         app(standalone_mode=True)
     except (UserError, ValueError, OSError) as error:
@@ -46,6 +48,6 @@ def main() -> None:
 
 
 def _fail(message: str) -> None:
-    errors.print("[bold red]Error:[/] ", end="")
-    errors.print(message, markup=False, highlight=False)
+    errors.print("Error: ", end="", style="bold red")
+    errors.print(message, highlight=False)
     sys.exit(1)

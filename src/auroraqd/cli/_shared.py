@@ -11,8 +11,9 @@ from rich.console import Console
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-console = Console(soft_wrap=False)
-errors = Console(stderr=True, soft_wrap=True)
+# What is printed holds paths and messages of others: nothing in it is markup.
+console = Console(soft_wrap=False, markup=False, emoji=False)
+errors = Console(stderr=True, soft_wrap=True, markup=False, emoji=False)
 
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the run folder if it exists.")]
 JobsOption = Annotated[

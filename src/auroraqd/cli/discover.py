@@ -1,6 +1,7 @@
 """`auroraqd run`, `repeat` and `resume`: to discover a repertoire."""
 
 import copy
+import os
 import signal
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.text import Text
 
 from auroraqd.cli._shared import (
     CheckpointOption,
@@ -158,6 +160,8 @@ def resume(
             task, aurora = settings.build_task(), storage.resume(folder, any_environment=any_environment)
         else:  # it ended before its first checkpoint
             task, aurora = settings.build()
+    if getattr(task, "n_genes", None) != aurora.n_genes:
+        raise UserError(f"task {settings.task} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
     given = {name: getattr(settings, name) for name in ("seed", "batch_size", "selection", "variation", "schedule")}
     differ = [
         f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
@@ -179,7 +183,10 @@ def _settings_in(folder: Path) -> "Settings":
 
     config = load_config(folder)
     if "task" not in config:
-        raise UserError(f"{folder} was saved from Python: only what `auroraqd run` made can be run from here")
+        raise UserError(
+            f"{folder} was saved from Python and names no task: go on with it there, by auroraqd.resume; only what "
+            "`auroraqd run` made can be run from here"
+        )
     try:
         return Settings.from_json(config)
     except (ValueError, TypeError) as error:
@@ -218,7 +225,9 @@ def _grow(
     from auroraqd.progress import RunProgress
 
     failure: BaseException | None = None
-    console.print(f"[bold]{settings.task}[/], descriptor [bold]{settings.descriptor}[/], seed {settings.seed}", highlight=False)
+    here = Path.cwd()
+    bold = (settings.task, "bold"), (settings.descriptor, "bold")
+    console.print(Text.assemble(bold[0], ", descriptor ", bold[1], f", seed {settings.seed}"))
     for polite_end in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a cluster, of a closed terminal
         signal.signal(polite_end, signal.default_int_handler)
     checkpoints = Checkpoints(
@@ -227,7 +236,7 @@ def _grow(
         every=every,
         config=settings.as_json(),
         overwrite=overwrite,
-        report=lambda text: errors.print(text, markup=False, highlight=False),
+        report=lambda text: errors.print(text, highlight=False),
     )
     with checkpoints:
         try:
@@ -243,6 +252,7 @@ def _grow(
                     aurora.run(spread, generations=settings.generations - aurora.generation, callback=after_each)
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
+    os.chdir(here)  # a task may have changed it
     if checkpoints.saved:
         report(out, figures)
         kept = f"what was found is in {out}"

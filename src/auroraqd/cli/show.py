@@ -24,6 +24,10 @@ def animate(
     out: Annotated[
         Path | None, typer.Option(help="A .gif or an .mp4 to write. [default: FOLDER/figures/skill-SKILL.gif]")
     ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(help="mymodule:my_task, a Gym, of a run that was saved from Python. [default: that of the run]"),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file given by --out if it exists.")] = False,
 ) -> None:
     """Show a skill as an animation: the robot, if MuJoCo draws it; or the way of the puck or projectile, and the arm.
@@ -33,7 +37,7 @@ def animate(
     import numpy as np
 
     from auroraqd import storage
-    from auroraqd.tasks.noise import seeds_of
+    from auroraqd.tasks.noise import other_seeds
 
     if out is not None and out.exists() and not overwrite:
         raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
@@ -44,7 +48,11 @@ def animate(
 
     rows = repertoire.sample(12) if skill is None else np.array([skill])
     check_rows(repertoire, rows)
-    robot = _robot(config)
+    robot = _robot(config, task)
+    if robot is not None and robot.n_genes != repertoire.genotype.shape[1]:
+        raise UserError(
+            f"task {task} has {robot.n_genes} genes, and the skills in {folder} have {repertoire.genotype.shape[1]}"
+        )
     path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
     path.parent.mkdir(exist_ok=True)
     with busy("drawing") as status:
@@ -56,23 +64,27 @@ def animate(
         if robot is None:
             animate(repertoire, scene_of(config, repertoire), rows, path, drawn)
         else:
-            seeds = seeds_of(0, 0, len(rows)) if robot.seeded else None
+            seeds = other_seeds(0, len(rows)) if robot.seeded else None
             film(robot, repertoire.genotype[rows], path, seeds, [f"skill {row}" for row in rows], drawn)
     console.print(str(path), highlight=False, soft_wrap=True)
 
 
-def _robot(config: Mapping[str, Any]) -> Any:
-    """The task of a run, if it is one of the user's own with a robot that MuJoCo draws; or None."""
+def _robot(config: Mapping[str, Any], named: str | None) -> Any:
+    """The task that is named, or else that of the run, if it is a robot that MuJoCo draws; or None."""
     from auroraqd.experiments import Settings
     from auroraqd.tasks import Gym
 
-    if ":" not in str(config.get("task")):
-        return None
     try:
-        task = Settings.from_json(config).build_task()
-    except ValueError:  # its module is not here: its trajectories can be drawn
-        return None
-    return task if isinstance(task, Gym) and task.model is not None else None
+        task = Settings(task=named or config.get("task", "ballistic")).build_task()
+    except ValueError:
+        if named is not None:
+            raise
+        return None  # its module is not here: its trajectories can be drawn
+    if isinstance(task, Gym) and task.model is not None:
+        return task
+    if named is not None:
+        raise UserError(f"task {named} is no robot that MuJoCo draws, a Gym of one of its environments")
+    return None
 
 
 def report(folder: Path, figures: bool) -> None:

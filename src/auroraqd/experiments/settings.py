@@ -20,7 +20,8 @@ from auroraqd.cvt import CVTArchive, tessellate
 from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
 from auroraqd.scaling import Scaling
 from auroraqd.state import as_json
-from auroraqd.tasks import AirHockey, Ballistic
+from auroraqd.tasks import AirHockey, Ballistic, TaskError, evaluated, name_of
+from auroraqd.tasks.noise import seeds_of
 
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"
@@ -201,7 +202,7 @@ class Settings:
             self._transformer(),
             seed=self.seed,
             batch_size=self.batch_size,
-            archive=self.archive.build(self, task),
+            archive=self._archive(task),
             selection=self.selection,
             variation=self.variation,
             resolution=self.resolution,
@@ -209,6 +210,13 @@ class Settings:
             prior=self._prior(task),
         )
         return task, aurora
+
+    def _archive(self, task: Any) -> Archive:
+        """Empty; with cells of whole observations, of a task that has the data for them."""
+        try:
+            return self.archive.build(self, task)
+        except TaskError as error:
+            raise ValueError(str(error)) from error
 
     def build_task(self) -> Any:
         """The task alone.
@@ -232,10 +240,10 @@ class Settings:
 
     def _prior(self, task: Any) -> np.ndarray | None:
         if self.pretrained:
-            return task.prior()
+            return _asked(task, "prior", "pretrained needs a prior data set")
         # The cells of an archive stay where they are, so the scaling of whole observations must too.
         fixed = self.descriptor == OBSERVATION and not isinstance(self.archive, Unstructured)
-        return task.bounds() if fixed else None
+        return _bounds(task) if fixed else None
 
     def parameters(self) -> dict[str, Any]:
         """The parameters of a learned descriptor that matter, those left to their defaults included, as JSON values."""
@@ -278,12 +286,26 @@ class Settings:
 def _dimensions(settings: Settings, task: Any) -> int:
     """Of the descriptor. Only of one whose bounds are known beforehand."""
     if settings.descriptor == OBSERVATION:
-        return int(np.prod(task.bounds().shape[1:]))
+        return int(np.prod(_bounds(task).shape[1:]))
     if settings.descriptor == GENOTYPE:
         return task.n_genes
     if settings.descriptor == HAND_CODED:
-        return int(task(np.full((1, task.n_genes), 0.5)).ground_truth.shape[1])
+        truth = evaluated(task, np.full((1, task.n_genes), 0.5), seeds_of(0, 0, 1), "for its ground truth").ground_truth
+        if truth is None:
+            raise ValueError(f"a hand-coded descriptor reads the ground truth, but task {name_of(task)} gives none")
+        return int(truth.reshape(1, -1).shape[1])
     return settings.components
+
+
+def _bounds(task: Any) -> np.ndarray:
+    return _asked(task, "bounds", "cells of whole observations need observations that are their bounds")
+
+
+def _asked(task: Any, name: str, why: str) -> np.ndarray:
+    """What a method of the task returns."""
+    if not callable(getattr(task, name, None)):
+        raise ValueError(f"{why}, and task {name_of(task)} has no method {name}()")
+    return getattr(task, name)()
 
 
 def strategy(name: str, text: str) -> Any:
@@ -312,16 +334,20 @@ def _imported(module: str, name: str) -> Any:
         raise ValueError(f"task {text}: there is no module {module}, neither installed nor in this folder") from None
     except AttributeError:
         raise ValueError(f"task {text}: the module {module} has no {name}") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ValueError(f"task {text} cannot be imported: {type(error).__name__}: {error}") from None
     if isinstance(task, type):
         try:
             task = task()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ValueError(f"task {text} cannot be made without arguments: {type(error).__name__}: {error}") from None
     if not callable(task):
         raise ValueError(f"task {text} must be a function, or an object that can be called, got {task!r}")
-    if not hasattr(task, "n_genes"):
+    try:
+        known = hasattr(task, "n_genes")
+    except Exception as error:
+        raise ValueError(f"n_genes of task {text} raised {type(error).__name__}: {error}") from None
+    if not known:
         raise ValueError(f"task {text} must say how many genes it has: write {name}.n_genes = 8 in {module}, for instance")
     whole(f"n_genes of task {text}", getattr(task, "n_genes"))  # noqa: B009 - a function may have it
     return task

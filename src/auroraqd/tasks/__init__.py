@@ -37,7 +37,11 @@ def name_of(task: Callable) -> str:
 
 def called(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray | None) -> Any:
     """What a task returns for genotypes, (n, n_genes), with their seeds, (n,) uint64, if it wants them."""
-    return task(genotypes, seeds) if getattr(task, "seeded", False) else task(genotypes)
+    if not getattr(task, "seeded", False):
+        return task(genotypes)
+    if seeds is None:
+        raise ValueError("it is seeded, and needs a seed for each genotype, (n,) whole numbers")
+    return task(genotypes, seeds)
 
 
 def evaluated(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray, when: str) -> Evaluation:
@@ -56,9 +60,12 @@ def evaluated(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray
     try:
         result = called(task, genotypes, seeds)
     except Exception as error:
-        raise TaskError(
-            f"{where} raised {type(error).__name__}: {error} (it was called with genotypes of shape {genotypes.shape})"
-        ) from error
+        how = f"it was called with genotypes of shape {genotypes.shape}"
+        if isinstance(error, TypeError) and "seeds" in str(error) and not getattr(task, "seeded", False):
+            how += ", and without seeds: a task that takes them must say so, my_task.seeded = True"
+        raise TaskError(f"{where} raised {type(error).__name__}: {error} ({how})") from error
+    except SystemExit as error:
+        raise TaskError(f"{where} called sys.exit({error})") from error
     try:
         return as_evaluation(result, len(genotypes))
     except ValueError as error:
@@ -109,7 +116,8 @@ def _rows(name: str, values: Any, n: int) -> np.ndarray:
     return array
 
 
-from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402 - tasks use Evaluation
+from auroraqd.tasks._episodes import Episode  # noqa: E402 - tasks use Evaluation
+from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402
 from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
 from auroraqd.tasks.controllers import MLP, ClosedLoop, OpenLoop, Sinusoids, Splines  # noqa: E402
 from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
@@ -121,6 +129,7 @@ __all__ = [
     "AirHockey",
     "Ballistic",
     "ClosedLoop",
+    "Episode",
     "Evaluation",
     "Genes",
     "Gym",

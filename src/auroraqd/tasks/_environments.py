@@ -77,7 +77,7 @@ class Environments:
         if isinstance(self._space, self._gymnasium.spaces.Discrete):
             return self._space.start + controls.argmax(axis=-1)
         low, high = self._space.low, self._space.high
-        controls = controls.reshape(controls.shape[:-1] + low.shape)
+        controls = np.clip(controls, -1, 1).reshape(controls.shape[:-1] + low.shape)
         return (low + (controls + 1) / 2 * (high - low)).astype(self._space.dtype)
 
     def diverged(self, env: Any) -> bool:
@@ -97,7 +97,10 @@ class Environments:
         if modify is not None:
             if not self._of_mujoco(env):
                 raise ValueError(f"modify changes a model of MuJoCo, and env_id {env_id!r} has none")
-            modify(env.unwrapped.model)
+            try:
+                modify(env.unwrapped.model)
+            except Exception as error:
+                raise ValueError(f"modify raised {type(error).__name__} for {env_id}: {error}") from error
         return env
 
     def _of_mujoco(self, env: Any = None) -> bool:
@@ -117,6 +120,8 @@ class Environments:
         if isinstance(self._space, spaces.Discrete):
             return int(self._space.n)
         if isinstance(self._space, spaces.Box) and self._space.is_bounded() and self._space.dtype.kind == "f":
+            if not (self._space.high > self._space.low).all():
+                raise ValueError(f"actions of {self._recipe[0]} must have a range to move in (ctrlrange), got {self._space}")
             return int(np.prod(self._space.shape))
         raise ValueError(f"actions of {self._recipe[0]} must be discrete, or numbers with bounds, got {self._space}")
 
@@ -131,4 +136,5 @@ def _heard(warning: str) -> None:
     kind = re.sub(r"\d", "", warning)  # the joint, and the time
     if kind not in _said:
         _said.add(kind)
-        _log.warning("MuJoCo: %s (said once)", warning)
+        level = logging.DEBUG if "deprecated" in warning else logging.WARNING  # of Gymnasium's own models
+        _log.log(level, "MuJoCo: %s (said once)", warning)

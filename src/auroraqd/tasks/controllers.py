@@ -57,7 +57,9 @@ def is_closed_loop(controller: Any) -> TypeGuard[ClosedLoop]:
         ValueError: it is no controller.
     """
     closed = callable(getattr(controller, "policy", None))
-    if not (callable(getattr(controller, "n_genes", None)) and (closed or callable(controller))):
+    if isinstance(controller, type) or not (
+        callable(getattr(controller, "n_genes", None)) and (closed or callable(controller))
+    ):
         raise ValueError(
             "controller must have a method n_genes, and be callable (open-loop) or have a method policy (closed-loop), "
             f"got {controller!r}"
@@ -144,6 +146,8 @@ class MLP:
     scale: float | Sequence[float] = 1.0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.hidden, Sequence):
+            raise ValueError(f"hidden must be the neurons of each layer, like (16,), got {self.hidden!r}")
         for neurons in self.hidden:
             whole("hidden", neurons)
         number("weight", self.weight)

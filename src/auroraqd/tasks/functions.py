@@ -29,6 +29,8 @@ class Gene:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.unit, str):
+            raise ValueError(f"the unit of a gene must be words, got {self.unit!r}")
         if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
             raise ValueError(f"the bounds of a gene must be finite, and low less than high, got {self.low} and {self.high}")
 
@@ -132,10 +134,15 @@ class Each(_OfOne):
             ValueError: what it returns differs in kind or shape between genotypes.
         """
         if seeds is None:
-            results = [self.function(genotype) for genotype in genotypes]
+            results = [_copied(self.function(genotype)) for genotype in genotypes]
         else:
-            results = [self.function(genotype, int(seed)) for genotype, seed in zip(genotypes, seeds, strict=True)]
+            results = [_copied(self.function(genotype, int(seed))) for genotype, seed in zip(genotypes, seeds, strict=True)]
         kinds = {len(result) if isinstance(result, tuple) else None for result in results}
+        if not kinds <= {None, 2, 3}:
+            raise ValueError(
+                "it must return a tuple of fitness, observation and optionally ground truth, or observation alone, got a tuple "
+                f"of {max(kind for kind in kinds if kind is not None)}"
+            )
         if len(kinds) != 1:
             raise ValueError("it must return a tuple of the same length for each genotype, or always observation alone")
         if kinds == {None}:
@@ -201,6 +208,11 @@ def from_jax(function: Callable[..., Any], n_genes: int | None = None, *, seeded
         TypeError, ValueError: an argument is of the wrong kind or out of range.
     """
     return FromJax(function, n_genes, seeded)
+
+
+def _copied(result: Any) -> Any:
+    """What a function returned, in memory of its own: it may return the same array again, changed."""
+    return tuple(map(np.array, result)) if isinstance(result, tuple) else np.array(result)
 
 
 def _stacked(name: str, rows: Any) -> np.ndarray:

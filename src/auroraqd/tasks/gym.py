@@ -74,8 +74,14 @@ class Gym:
         whole("samples", self.samples, most=self.steps)
         if self.threads is not None:
             whole("threads", self.threads)
-        if not (self.fitness is None or self.fitness == "return" or callable(self.fitness)):
+        if not (self.fitness is None or callable(self.fitness) or (isinstance(self.fitness, str) and self.fitness == "return")):
             raise ValueError(f'fitness must be a function of an Episode, "return" or None, got {self.fitness!r}')
+        if self.modify is not None and not callable(self.modify):
+            raise ValueError(f"modify must be a function that changes a model of MuJoCo, got {self.modify!r}")
+        for name in ("positions", "observe"):
+            chosen = getattr(self, name)
+            if chosen is not None and (np.ndim(chosen) != 1 or (len(chosen) and np.asarray(chosen).dtype.kind not in "iu")):
+                raise ValueError(f"{name} must be whole numbers of shape (chosen,), got {chosen!r}")
         if self.positions is not None and self.observe is not None:
             raise ValueError("positions and observe are two ways to say what is observed: give one of them")
         self._open()
@@ -110,7 +116,7 @@ class Gym:
         sizes = (self._environments.observations, actuators) if closed else (actuators,)
         self.n_genes: int = self.controller.n_genes(*sizes)
         self._rollout = None
-        if not (closed or self._of_observation or self.fitness == "return"):
+        if not (closed or self._of_observation or self.fitness == "return" or "max_episode_steps" in self.options):
             rollout = Rollout(self._environments, self.threads or _threads())
             self._rollout = rollout if rollout.agrees() else None
 

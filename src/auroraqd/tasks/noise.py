@@ -13,7 +13,7 @@ import numpy as np
 from auroraqd._checks import whole
 from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
 
-_STREAM = 1  # so that the numbers differ from those of the run itself
+_RUN, _AGAIN = 1, 2  # streams of their own, apart from the random numbers of the run itself
 
 
 def seeds_of(seed: int, first: int, n: int) -> np.ndarray:
@@ -24,8 +24,16 @@ def seeds_of(seed: int, first: int, n: int) -> np.ndarray:
         first: number of evaluations before.
         n: how many.
     """
-    generator = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
-    return generator.advance(first).random_raw(n)
+    return _seeds(_RUN, seed, first, n)
+
+
+def other_seeds(seed: int, n: int) -> np.ndarray:
+    """Seeds to evaluate what was found again, (n,) uint64: none is of a run, also of the same seed."""
+    return _seeds(_AGAIN, seed, 0, n)
+
+
+def _seeds(stream: int, seed: int, first: int, n: int) -> np.ndarray:
+    return np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(stream,))).advance(first).random_raw(n)
 
 
 class Repeated:
