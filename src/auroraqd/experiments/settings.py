@@ -1,12 +1,7 @@
 """The settings of one run as a value: from the command line, to JSON, and back to an `Aurora` ready to go."""
 
-import importlib
-import inspect
-import operator
-import os
-import sys
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -18,6 +13,7 @@ from auroraqd.aurora import Aurora
 from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, tessellate
 from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
+from auroraqd.experiments.options import built, imported, keyword_parameters
 from auroraqd.scaling import Scaling
 from auroraqd.state import as_json
 from auroraqd.tasks import AirHockey, Ballistic, TaskError, evaluated, name_of
@@ -157,7 +153,7 @@ class Settings:
                 raise ValueError(
                     f"task must be one of {', '.join(TASKS)}, or your own, written like mymodule:my_task, got {self.task!r}"
                 )
-            _built("task", TASKS, self.task)
+            built("task", TASKS, self.task)
         if not isinstance(self.descriptor, str):
             raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
         if not isinstance(self.pretrained, bool):
@@ -224,7 +220,7 @@ class Settings:
         Raises:
             ValueError: a task of the user's own cannot be imported, or does not say how many genes it has.
         """
-        return _built("task", TASKS, self.task) if self._own is None else _imported(*self._own)
+        return built("task", TASKS, self.task) if self._own is None else imported(*self._own)
 
     def _transformer(self) -> Any:
         if self.descriptor == PCA:
@@ -235,7 +231,7 @@ class Settings:
             from auroraqd.autoencoder import AutoEncoder
 
             options = self.descriptor.partition(":")[2]
-            return AutoEncoder(self.components, **_parameters("descriptor 'autoencoder'", AutoEncoder, options))
+            return AutoEncoder(self.components, **keyword_parameters("descriptor 'autoencoder'", AutoEncoder, options))
         return self.descriptor
 
     def _prior(self, task: Any) -> np.ndarray | None:
@@ -318,85 +314,4 @@ def strategy(name: str, text: str) -> Any:
     Raises:
         ValueError: no such strategy or option, or a value out of range.
     """
-    return _built(name, STRATEGIES[name], text)
-
-
-def _imported(module: str, name: str) -> Any:
-    """A task of the user's own, from a module that is installed or in the current folder."""
-    text = f"{module}:{name}"
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
-    try:
-        task = operator.attrgetter(name)(importlib.import_module(module))
-    except ModuleNotFoundError as error:
-        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
-            raise ValueError(f"task {text} cannot be imported: {error}") from None
-        raise ValueError(f"task {text}: there is no module {module}, neither installed nor in this folder") from None
-    except AttributeError:
-        raise ValueError(f"task {text}: the module {module} has no {name}") from None
-    except (Exception, SystemExit) as error:
-        raise ValueError(f"task {text} cannot be imported: {type(error).__name__}: {error}") from None
-    if isinstance(task, type):
-        try:
-            task = task()
-        except (Exception, SystemExit) as error:
-            raise ValueError(f"task {text} cannot be made without arguments: {type(error).__name__}: {error}") from None
-    if not callable(task):
-        raise ValueError(f"task {text} must be a function, or an object that can be called, got {task!r}")
-    try:
-        known = hasattr(task, "n_genes")
-    except Exception as error:
-        raise ValueError(f"n_genes of task {text} raised {type(error).__name__}: {error}") from None
-    if not known:
-        raise ValueError(f"task {text} must say how many genes it has: write {name}.n_genes = 8 in {module}, for instance")
-    whole(f"n_genes of task {text}", getattr(task, "n_genes"))  # noqa: B009 - a function may have it
-    return task
-
-
-def _built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
-    """A dataclass of several, by its name and options."""
-    kind, _, options = text.partition(":")
-    if kind not in kinds:
-        raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {kind!r}")
-    types = {f.name: f.type for f in fields(kinds[kind])}
-    given = {
-        key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)
-    }
-    missing = [f.name for f in fields(kinds[kind]) if f.default is MISSING and f.name not in given]
-    if missing:
-        raise ValueError(f"{name} {kind!r} needs {missing[0]}: write {kind}:{missing[0]}=VALUE")
-    return kinds[kind](**given)
-
-
-def _parameters(owner: str, kind: type, options: str) -> dict[str, Any]:
-    """Keyword parameters of a class from their text, each of the type of its default."""
-    defaults = {
-        name: parameter.default
-        for name, parameter in inspect.signature(kind).parameters.items()
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and name not in ("random_state", "verbose")
-    }
-    return {key: _value(f"{owner}: {key}", type(defaults[key]), value) for key, value in _options(owner, defaults, options)}
-
-
-def _options(owner: str, known: Mapping[str, Any], text: str) -> list[tuple[str, str]]:
-    """Keys and values of `key=value,key=value`."""
-    pairs = []
-    for option in filter(None, text.split(",")):
-        key, _, value = option.partition("=")
-        if key not in known:
-            hint = ", written like hidden=64x32" if isinstance(known.get("hidden"), tuple) else ""
-            raise ValueError(f"{owner} has no option {key!r}; its options are: {', '.join(known) or 'none'}{hint}")
-        pairs.append((key, value))
-    return pairs
-
-
-def _value(name: str, kind: Any, text: str) -> Any:
-    if kind is bool:
-        if text.lower() not in ("true", "false"):
-            raise ValueError(f"{name} must be true or false, got {text!r}")
-        return text.lower() == "true"
-    try:
-        return tuple(int(part) for part in text.split("x")) if kind is tuple else kind(text)
-    except ValueError:
-        wanted = {int: "a whole number", tuple: "whole numbers like 64x32"}.get(kind, "a number")
-        raise ValueError(f"{name} must be {wanted}, got {text!r}") from None
+    return built(name, STRATEGIES[name], text)

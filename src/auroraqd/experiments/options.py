@@ -1,0 +1,105 @@
+"""What a user wrote on the command line, as objects: a task of their own, things with options like `gaussian:sigma=0.02`."""
+
+import importlib
+import inspect
+import operator
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Any
+
+from auroraqd._checks import whole
+
+
+def imported(module: str, name: str) -> Any:
+    """A task of the user's own, from a module that is installed or in the current folder.
+
+    Raises:
+        ValueError: it cannot be imported, is no task, or does not say how many genes it has.
+    """
+    text = f"{module}:{name}"
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        task = operator.attrgetter(name)(importlib.import_module(module))
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+            raise ValueError(f"task {text} cannot be imported: {error}") from None
+        raise ValueError(f"task {text}: there is no module {module}, neither installed nor in this folder") from None
+    except AttributeError:
+        raise ValueError(f"task {text}: the module {module} has no {name}") from None
+    except (Exception, SystemExit) as error:
+        raise ValueError(f"task {text} cannot be imported: {type(error).__name__}: {error}") from None
+    if isinstance(task, type):
+        try:
+            task = task()
+        except (Exception, SystemExit) as error:
+            raise ValueError(f"task {text} cannot be made without arguments: {type(error).__name__}: {error}") from None
+    if not callable(task):
+        raise ValueError(f"task {text} must be a function, or an object that can be called, got {task!r}")
+    try:
+        known = hasattr(task, "n_genes")
+    except Exception as error:
+        raise ValueError(f"n_genes of task {text} raised {type(error).__name__}: {error}") from None
+    if not known:
+        raise ValueError(f"task {text} must say how many genes it has: write {name}.n_genes = 8 in {module}, for instance")
+    whole(f"n_genes of task {text}", getattr(task, "n_genes"))  # noqa: B009 - a function may have it
+    return task
+
+
+def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
+    """A dataclass of several, by its name and options.
+
+    Raises:
+        ValueError: no such name or option, or a value of another type.
+    """
+    kind, _, options = text.partition(":")
+    if kind not in kinds:
+        raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {kind!r}")
+    types = {f.name: f.type for f in fields(kinds[kind])}
+    given = {
+        key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)
+    }
+    missing = [f.name for f in fields(kinds[kind]) if f.default is MISSING and f.name not in given]
+    if missing:
+        raise ValueError(f"{name} {kind!r} needs {missing[0]}: write {kind}:{missing[0]}=VALUE")
+    return kinds[kind](**given)
+
+
+def keyword_parameters(owner: str, kind: type, options: str) -> dict[str, Any]:
+    """Keyword parameters of a class from their text, each of the type of its default.
+
+    Raises:
+        ValueError: no such name or option, or a value of another type.
+    """
+    defaults = {
+        name: parameter.default
+        for name, parameter in inspect.signature(kind).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and name not in ("random_state", "verbose")
+    }
+    return {key: _value(f"{owner}: {key}", type(defaults[key]), value) for key, value in _options(owner, defaults, options)}
+
+
+def _options(owner: str, known: Mapping[str, Any], text: str) -> list[tuple[str, str]]:
+    """Keys and values of `key=value,key=value`."""
+    pairs = []
+    for option in filter(None, text.split(",")):
+        key, _, value = option.partition("=")
+        if key not in known:
+            hint = ", written like hidden=64x32" if isinstance(known.get("hidden"), tuple) else ""
+            raise ValueError(f"{owner} has no option {key!r}; its options are: {', '.join(known) or 'none'}{hint}")
+        pairs.append((key, value))
+    return pairs
+
+
+def _value(name: str, kind: Any, text: str) -> Any:
+    if kind is bool:
+        if text.lower() not in ("true", "false"):
+            raise ValueError(f"{name} must be true or false, got {text!r}")
+        return text.lower() == "true"
+    try:
+        return tuple(int(part) for part in text.split("x")) if kind is tuple else kind(text)
+    except ValueError:
+        wanted = {int: "a whole number", tuple: "whole numbers like 64x32"}.get(kind, "a number")
+        raise ValueError(f"{name} must be {wanted}, got {text!r}") from None
