@@ -231,7 +231,7 @@ class Aurora:
                 self._ask_known(known)
                 known = None
             genotypes = self.ask() if self._pending is None else self._pending.genotype.copy()
-            seeds = seeds_of(self.seed, self.evaluations, len(genotypes))
+            seeds = self.seeds if getattr(task, "seeded", False) else None
             evaluation = evaluated(task, genotypes, seeds, f"at generation {self.generation}")
             try:
                 self._check_as_before(evaluation)

@@ -19,6 +19,7 @@ import platform
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -190,8 +191,9 @@ def load_history(folder: str | os.PathLike) -> list[Record]:
     return read_table(_existing(folder, HISTORY), Record)
 
 
-def environment() -> dict[str, Any]:
-    """What bit-for-bit repetition depends on besides the settings."""
+@cache
+def environment() -> Mapping[str, Any]:
+    """What bit-for-bit repetition depends on besides the settings. Asked once: it takes as long as a small checkpoint."""
     return {
         "python": platform.python_version(),
         **{name: version(name) for name in _VERSIONS},

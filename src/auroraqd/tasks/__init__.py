@@ -44,13 +44,13 @@ def called(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray | 
     return task(genotypes, seeds)
 
 
-def evaluated(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray, when: str) -> Evaluation:
+def evaluated(task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray | None, when: str) -> Evaluation:
     """Evaluate genotypes.
 
     Args:
         task: see the module docstring.
         genotypes: (n, n_genes).
-        seeds: (n,) uint64, for a task that wants them.
+        seeds: (n,) uint64, for a task that wants them; None for others.
         when: that is, for messages, "at generation 3" for instance.
 
     Raises:
