@@ -1,10 +1,12 @@
 """Checkpoints: a run is saved now and then while it goes on, so that no crash costs more than a few seconds of it."""
 
+import gc
 import json
 import os
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -124,7 +126,8 @@ class Checkpoints:
         self._next = now + (self._every and max(self._every, (now - began) / _SHARE))
 
     def _save(self) -> None:
-        storage.write(self.aurora, self.folder, self._config, keep=self._keep)
+        with _collector_waiting():
+            storage.write(self.aurora, self.folder, self._config, keep=self._keep)
         if not self._keep:
             (self.folder / storage.PREVIOUS).unlink(missing_ok=True)  # of the run that was there
         self._keep = True
@@ -155,3 +158,15 @@ class Checkpoints:
             what = f"this run at generation {generation}, and it is at {self.aurora.generation}" if own else "another run"
             raise ValueError(f"{self.folder} holds {what}: choose another folder, or resume the run, or overwrite it")
         return False
+
+
+@contextmanager
+def _collector_waiting() -> Iterator[None]:
+    """Put off Python's garbage collection, which takes longer than a checkpoint, and which the many numbers of one set off."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()

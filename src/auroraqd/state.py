@@ -55,7 +55,7 @@ def state_of(aurora: Aurora) -> State:
     arrays = {
         **{name: column for name, column in columns.items() if column is not None},
         **{f"archive.{name}": array for name, array in archive.constants.items()},
-        "history": np.array([record[:-1] for record in records], np.float64).reshape(len(records), len(Record._fields) - 1),
+        "history": np.array(records, np.float64).reshape(len(records), len(Record._fields))[:, :-1].copy(),  # but for times
     }
     for prefix, batch in (("pending", aurora._pending), ("waiting", aurora._waiting)):
         fields = {} if batch is None else batch._asdict()
