@@ -189,13 +189,16 @@ def step(genes, mutated, steps):
     ]
 
 
-def affine_error(x, z, weight, offset):
-    """Root mean square of x - (z weight + offset), row by row."""
-    errors = []
-    for row, code in zip(x, z, strict=True):
-        expected = [b + sum(c * w[j] for c, w in zip(code, weight, strict=True)) for j, b in enumerate(offset)]
+def affine(observations, center, factor, weight, offset, back, back_offset):
+    """Descriptors of scaled observations, and root mean square errors of their reconstructions, row by row."""
+    descriptors, errors = [], []
+    for observation in observations:
+        row = [(value - c) * f for value, c, f in zip(observation, center, factor, strict=True)]
+        z = [b + sum(value * w for value, w in zip(row, line, strict=True)) for line, b in zip(weight, offset, strict=True)]
+        expected = [b + sum(c * line[j] for c, line in zip(z, back, strict=True)) for j, b in enumerate(back_offset)]
+        descriptors.append(z)
         errors.append(math.sqrt(sum((a - e) ** 2 for a, e in zip(row, expected, strict=True)) / len(row)))
-    return errors
+    return descriptors, errors
 
 
 def nearest_centroid(centroids, x):

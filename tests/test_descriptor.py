@@ -3,17 +3,33 @@
 import naive
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.decomposition import PCA
 
-from auroraqd.descriptor import Descriptor, _Affine, _affine_error
+from auroraqd._affine import Affine
+from auroraqd.descriptor import Descriptor
 
 
-@pytest.mark.parametrize(("n", "features", "d"), [(1, 1, 1), (5, 7, 2), (20, 100, 3)])
-def test_error_of_an_affine_reconstruction_agrees_with_its_twin(n, features, d):
+@pytest.mark.parametrize(("n", "features", "d"), [(1, 1, 1), (5, 7, 2), (20, 100, 3), (4, 33, 10)])
+@pytest.mark.parametrize("dtype", [float, np.float32, np.uint8])
+def test_affine_descriptors_agree_with_their_twin(n, features, d, dtype):
     rng = np.random.default_rng(n)
-    x, z, weight, offset = (rng.normal(size=shape) for shape in ((n, features), (n, d), (d, features), features))
-    assert_allclose(_affine_error(x, z, weight, offset), naive.affine_error(x, z, weight, offset), rtol=1e-12)
+    observation = (100 * rng.random((n, features))).astype(dtype)
+    shapes = (features, features, (d, features), d, (d, features), features)
+    affine = Affine(*(rng.normal(size=shape) for shape in shapes))
+    z, error = naive.affine(observation.tolist(), *(part.tolist() for part in affine))
+    assert_allclose(affine.describe(observation)[0], z, rtol=1e-9, atol=1e-9)
+    assert_allclose(affine.describe(observation)[1], error, rtol=1e-9)
+
+
+def test_affine_descriptors_of_an_observation_are_the_same_in_any_batch():
+    observation = np.random.default_rng(0).normal(size=(1000, 11, 3))
+    descriptor = Descriptor(PCA(n_components=2)).refitted(observation)
+    together = descriptor.describe(observation, observation, None)
+    for rows in (slice(0, 1), slice(3, 8), slice(500, 1000)):
+        apart = descriptor.describe(observation[rows], observation[rows], None)
+        for one, all_of in zip(apart, together, strict=True):
+            assert_array_equal(one, all_of[rows])
 
 
 def test_error_is_that_of_the_reconstruction():
@@ -35,5 +51,5 @@ def test_large_observations_are_not_folded():
     scaled = 2 * (x - x.min()) / np.ptp(x) - 1
     pca = PCA(2, svd_solver="full").fit(scaled.reshape(30, -1))
     np.testing.assert_allclose(np.abs(values), np.abs(pca.transform(scaled.reshape(30, -1))), atol=1e-9)
-    assert not isinstance(fitted.encode, _Affine)
+    assert fitted.affine is None
     assert error.shape == (30,)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numba import njit
 
+from auroraqd._affine import Affine
 from auroraqd._checks import finite_rows, rows_of
 from auroraqd.scaling import Scaler, Scaling
 
@@ -23,7 +23,7 @@ NAMES = (HAND_CODED, GENOTYPE, OBSERVATION)
 
 
 _FOLDED = 2048
-"""Entries of an observation, at most, for which affine transformers become one matrix: that takes the square of them."""
+"""Entries of an observation, at most, for which affine transformers become matrices: that takes the square of them."""
 
 
 class DescriptorError(ValueError):
@@ -46,35 +46,6 @@ class Transformer(Protocol):
         ...
 
 
-class _Affine(NamedTuple):
-    """`x @ weight + offset`: a scaled, flattened observation to its descriptor, or back."""
-
-    weight: np.ndarray
-    offset: np.ndarray
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        return x @ self.weight + self.offset
-
-
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _affine_error(x, z, weight, offset):
-    """Root mean square difference, (n,), of x, (n, features), from `z @ weight + offset`, which is never stored."""
-    n, features = x.shape
-    error = np.empty(n)
-    row = np.empty(features)
-    for i in range(n):
-        for j in range(features):
-            row[j] = x[i, j] - offset[j]
-        for c in range(z.shape[1]):
-            for j in range(features):
-                row[j] -= z[i, c] * weight[c, j]
-        total = 0.0
-        for j in range(features):
-            total += row[j] * row[j]
-        error[i] = np.sqrt(total / features)
-    return error
-
-
 @dataclass(frozen=True)
 class Descriptor:
     """How to describe individuals. Immutable: `refitted` gives a new one.
@@ -89,8 +60,9 @@ class Descriptor:
     scaling: Scaling | None = None
     shape: tuple[int, ...] = ()  # of one observation
     scaler: Scaler | None = None  # observations, (n, ...), to (n, features)
-    encode: Any = None  # (n, features) to descriptors: the transformer's own, or folded into one matrix
-    decode: Any = None  # descriptors to (n, features), or None
+    encode: Any = None  # (n, features), scaled, to descriptors
+    decode: Any = None  # descriptors to (n, features), scaled, or None
+    affine: Affine | None = None  # all of these at once, where they are affine
 
     def __str__(self) -> str:
         return f"{self.source!r}" if isinstance(self.source, str) else f"the transform of {type(self.source).__name__}"
@@ -162,11 +134,10 @@ class Descriptor:
         if isinstance(self.source, str):
             return replace(fitted, encode=_unchanged)
         encode, decode = _functions(self.source, shape)
-        if features <= _FOLDED and _is_affine(self.source):
-            # A call of a scikit-learn pipeline costs as much as everything else in a generation; a product, 1% of that.
-            encode = _affine(encode, features)
-            decode = decode and _affine(decode, encode.weight.shape[1])
-        return replace(fitted, encode=encode, decode=decode)
+        if decode is None or features > _FOLDED or not _is_affine(self.source):
+            return replace(fitted, encode=encode, decode=decode)
+        affine = Affine.of(scaling.scaler(features), encode, decode)
+        return replace(fitted, encode=encode, decode=affine.reconstruct, affine=affine)
 
     def describe_observation(self, observation: np.ndarray) -> np.ndarray:
         """Descriptors, (n, d) float64, of observations, (n, ...).
@@ -181,7 +152,9 @@ class Descriptor:
             raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
         if not finite_rows(observation).all():
             raise ValueError("observation must be finite, got a NaN or an infinity")
-        return self._encoded(self._flat(observation))
+        if self.affine is not None:
+            return self.affine.describe(self._flat(observation))[0]
+        return self._encoded(self._scaled(observation))
 
     def reconstruct(self, z: np.ndarray) -> np.ndarray:
         """Observations, (n, ...) float64 in the units of the task, reconstructed from descriptors, (n, d).
@@ -205,12 +178,12 @@ class Descriptor:
         """
         if not self.learned:
             return self._read(genotype, ground_truth), None
-        x = self._flat(observation)
+        if self.affine is not None:
+            return self.affine.describe(self._flat(observation))
+        x = self._scaled(observation)
         z = self._encoded(x)
         if self.decode is None:
             return z, None
-        if isinstance(self.decode, _Affine):
-            return z, _affine_error(x, z, *self.decode)
         reconstruction = np.asarray(self.decode(z), np.float64)
         if reconstruction.shape != x.shape:
             raise DescriptorError(f"the inverse of {self} must return shape {x.shape}, got {reconstruction.shape}")
@@ -218,12 +191,16 @@ class Descriptor:
         return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:
-        assert self.scaler is not None  # it is ready
+        """(n, ...) to (n, features)."""
         if observation.shape[1:] != self.shape or observation.ndim == 0:
             raise DescriptorError(
                 f"observation must have shape {rows_of(self.shape)}, as those it was fitted on, got {observation.shape}"
             )
-        return self.scaler(observation)
+        return observation.reshape(len(observation), math.prod(self.shape))
+
+    def _scaled(self, observation: np.ndarray) -> np.ndarray:
+        assert self.scaler is not None  # it is ready
+        return self.scaler(self._flat(observation))
 
     def _encoded(self, x: np.ndarray) -> np.ndarray:
         try:
@@ -285,13 +262,6 @@ class _Composed(NamedTuple):
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         rows = self.function(rows if self.before is None else rows.reshape(len(rows), *self.before))
         return rows if self.after is None else rows.reshape(len(rows), *self.after)
-
-
-def _affine(function: Any, features: int) -> _Affine:
-    """An affine function of (n, features) as one matrix."""
-    points = np.vstack([np.zeros(features), np.eye(features)])
-    values = np.asarray(function(points), np.float64)
-    return _Affine(np.ascontiguousarray(values[1:] - values[0]), values[0])
 
 
 def _is_affine(transformer: Any) -> bool:
