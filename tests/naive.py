@@ -180,11 +180,25 @@ def credit(curiosity, stored_ids, rows, ids, status):
     return curiosity
 
 
-def step(genes, mutated, steps):
-    """One step for each gene that mutates, kept in [0, 1]."""
-    left = iter(steps)
+def fill(mutated, spins):
+    """A gene for each row that has none."""
     return [
-        [min(max(gene + next(left), 0.0), 1.0) if changes else gene for gene, changes in zip(*row, strict=True)]
+        row if any(row) else [gene == int(spin * len(row)) for gene in range(len(row))]
+        for row, spin in zip(mutated, spins, strict=True)
+    ]
+
+
+def step(genes, mutated, spins, exponent):
+    """One step for each gene that mutates, kept in [0, 1]."""
+    left = iter(spins)
+
+    def moved(gene):
+        r = next(left)
+        delta = (2 * r) ** exponent - 1 if r < 0.5 else 1 - (2 * (1 - r)) ** exponent
+        return min(max(gene + delta, 0.0), 1.0)
+
+    return [
+        [moved(gene) if changes else gene for gene, changes in zip(*row, strict=True)]
         for row in zip(genes, mutated, strict=True)
     ]
 

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import auroraqd
 from auroraqd.resolution import largest_distance
 from auroraqd.selection import _roulette
-from auroraqd.variation import _rows_without, _step
+from auroraqd.variation import _fill, _step
 
 
 @pytest.fixture
@@ -97,15 +97,18 @@ def test_children_are_legal_and_parents_unharmed(vary, n_genes):
     assert_array_equal(parents, before)
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.floats(0, 1))
-def test_kernels_of_mutation_agree_with_their_twins(seed, n_genes, rate):
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.floats(0, 1), st.floats(0, 100))
+def test_kernels_of_mutation_agree_with_their_twins(seed, n_genes, rate, eta):
     rng = np.random.default_rng(seed)
     genes, mutated = rng.random((30, n_genes)), rng.random((30, n_genes)) < rate
-    steps = rng.normal(size=np.count_nonzero(mutated))
-    assert _rows_without(mutated).tolist() == [i for i, row in enumerate(mutated.tolist()) if not any(row)]
-    expected = naive.step(genes.tolist(), mutated.tolist(), steps.tolist())
-    _step(genes, mutated, steps)
-    assert genes.tolist() == expected
+    spins = rng.choice([0.0, 0.5, np.nextafter(1, 0), rng.random()], 30)
+    filled = naive.fill(mutated.tolist(), spins.tolist())
+    _fill(mutated, spins)
+    assert mutated.tolist() == filled
+    spins = np.resize(np.append(spins, rng.random(100)), np.count_nonzero(mutated))
+    expected = naive.step(genes.tolist(), mutated.tolist(), spins.tolist(), 1 / (eta + 1))
+    _step(genes, mutated, spins, 1 / (eta + 1))
+    assert_allclose(genes, expected, rtol=0, atol=1e-12)
 
 
 def test_polynomial_rates():

@@ -36,11 +36,8 @@ class Polynomial:
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, n_genes) parents to (n, n_genes) children."""
         mutated = _mutated(parents.shape, self.rate, self.at_least_one, rng)
-        r = rng.random(np.count_nonzero(mutated))
-        # (2r)^(1/(eta+1)) - 1 for r < 0.5, and its mirror image above
-        size = 1 - (2 * np.minimum(r, 1 - r)) ** (1 / (self.eta + 1))
         children = parents.copy()
-        _step(children, mutated, np.where(r < 0.5, -size, size))
+        _step(children, mutated, rng.random(np.count_nonzero(mutated)), 1 / (self.eta + 1))
         return children
 
 
@@ -106,28 +103,27 @@ def _mutated(shape: tuple[int, int], rate: float, at_least_one: bool, rng: np.ra
     """Which genes mutate: (n, n_genes) bool."""
     mutated = rng.random(shape) < rate
     if at_least_one:
-        unmutated = _rows_without(mutated)
-        mutated[unmutated, rng.integers(shape[1], size=len(unmutated))] = True
+        _fill(mutated, rng.random(len(mutated)))
     return mutated
 
 
 @njit(cache=True, nogil=True)
-def _rows_without(mutated):
-    """The rows of (n, n_genes) bool that have no True, (m,) int64."""
-    rows = np.empty(mutated.shape[0], np.int64)
-    found = 0
+def _fill(mutated, spins):
+    """Choose a gene in each row of (n, n_genes) bool that has none, by its spin, (n,) in [0, 1)."""
     for i in range(mutated.shape[0]):
-        rows[found] = i
-        found += not mutated[i].any()
-    return rows[:found]
+        if not mutated[i].any():
+            mutated[i, int(spins[i] * mutated.shape[1])] = True
 
 
 @njit(cache=True, nogil=True)
-def _step(genes, mutated, steps):
-    """Change the genes that mutate, (n, n_genes), by one step each, row by row, and no farther than to 0 or 1."""
-    step = 0
+def _step(genes, mutated, spins, exponent):
+    """Change the genes that mutate, (n, n_genes), each by one spin in [0, 1), row by row, and no farther than to 0 or 1."""
+    drawn = 0
     for i in range(genes.shape[0]):
         for j in range(genes.shape[1]):
             if mutated[i, j]:
-                genes[i, j] = min(max(genes[i, j] + steps[step], 0.0), 1.0)
-                step += 1
+                r = spins[drawn]
+                drawn += 1
+                # (2r)^(1/(eta+1)) - 1 for r < 0.5, and its mirror image above
+                size = 1 - (2 * min(r, 1 - r)) ** exponent
+                genes[i, j] = min(max(genes[i, j] + (-size if r < 0.5 else size), 0.0), 1.0)
