@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 import auroraqd
 from auroraqd import checkpoints, storage
@@ -81,9 +83,11 @@ def test_killed_and_gone_on_with_it_is_the_same_run(descriptor, tmp_path):
         },
         {"variation": auroraqd.IsoLine, "selection": auroraqd.Uniform, "descriptor": "hand-coded"},
         {"schedule": lambda: auroraqd.Every(7), "resolution": lambda: auroraqd.Fixed(0.05), "descriptor": "pca"},
+        {"descriptor": lambda: PCA(2, svd_solver="randomized")},
+        {"descriptor": lambda: make_pipeline(StandardScaler(), PCA(2, svd_solver="full"))},
         {"descriptor": "observation", "prior": TASK.bounds, "archive": lambda: auroraqd.CVTArchive(np.eye(100))},
     ],
-    ids=lambda options: "-".join(options),
+    ids=lambda options: "-".join([*options, *(value for value in options.values() if isinstance(value, str))]),
 )
 @pytest.mark.filterwarnings("ignore:the archive is full")
 def test_resumed_after_any_generation_it_is_the_same_run(options, tmp_path):

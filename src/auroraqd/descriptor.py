@@ -125,7 +125,9 @@ class Descriptor:
         except Exception as error:
             name = type(transformer).__name__
             raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
-        return Descriptor(transformer).restored(scaling, shape)
+        # A copy has each array in one piece, as a file has it. In pieces, products would be rounded in another way, and a run
+        # that goes on from a file would take another course.
+        return Descriptor(copy.deepcopy(transformer)).restored(scaling, shape)
 
     def restored(self, scaling: Scaling, shape: tuple[int, ...]) -> "Descriptor":
         """The descriptor of a transformer that has been fitted on observations of this shape, scaled like this."""
