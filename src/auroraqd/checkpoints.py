@@ -14,6 +14,7 @@ from filelock import FileLock, Timeout
 
 from auroraqd import _transformers, storage
 from auroraqd._checks import number
+from auroraqd._files import folder_at, told
 from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
 from auroraqd.state import settings_of
@@ -76,14 +77,13 @@ class Checkpoints:
             raise RuntimeError("these checkpoints are open already: one `with` block at a time")
         if not isinstance(self.aurora.descriptor.source, str):
             _transformers.check(self.aurora.descriptor.source)
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except FileExistsError:
-            raise NotADirectoryError(f"{self.folder} must be a folder, and is a file") from None
+        folder_at(self.folder)
         try:
             self._lock.acquire()
         except Timeout:
             raise BlockingIOError(f"{self.folder} is in use: another process has a run there") from None
+        except OSError as error:
+            raise told(error, f"nothing can be written into {self.folder}") from None
         try:
             self._keep = self._goes_on()
             self._first = not (self.folder / storage.CONFIG).exists()

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from auroraqd import _tensors, _transformers
-from auroraqd._files import read_table, replacing
+from auroraqd._files import folder_at, read_table, replacing
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import OBSERVATION, Descriptor
 from auroraqd.history import Record
@@ -66,7 +66,7 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
 
 def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, keep: bool = False) -> None:
     """As `save`; if `keep`, the checkpoint that is there becomes the one before."""
-    folder.mkdir(parents=True, exist_ok=True)
+    folder_at(folder)
     _write(folder / HISTORY, _history_csv(aurora.history.records))
     if keep:
         _keep(folder)
@@ -292,8 +292,5 @@ def _existing(folder: str | os.PathLike, name: str) -> Path:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
-        with replacing(path) as file:
-            file.write(text.encode())
-    except OSError as error:
-        raise OSError(error.errno, f"{path} could not be written: {error.strerror}") from error
+    with replacing(path) as file:
+        file.write(text.encode())

@@ -15,6 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from auroraqd import storage
+from auroraqd._files import folder_at
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.scenes import has_trajectories, scene_of
@@ -29,10 +30,10 @@ def write_figures(folder: str | Path) -> list[Path]:
 
     Raises:
         FileNotFoundError, ValueError: see `auroraqd.load`.
+        OSError: they cannot be written.
     """
     repertoire, records = storage.load(folder), storage.load_history(folder)
-    target = Path(folder) / storage.FIGURES
-    target.mkdir(exist_ok=True)
+    target = folder_at(Path(folder) / storage.FIGURES)
     figures = {"history": history_figure(records)}
     if len(repertoire):
         figures = {"repertoire": repertoire_figure(repertoire), **figures}

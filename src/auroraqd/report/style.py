@@ -23,7 +23,11 @@ STYLE: Any = {
 
 
 def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write a figure as PNG and as SVG; returns the files."""
+    """Write a figure as PNG and as SVG; returns the files.
+
+    Raises:
+        OSError: they cannot be written.
+    """
     written = []
     for suffix in ("png", "svg"):
         written.append(folder / f"{name}.{suffix}")
