@@ -445,6 +445,11 @@ def filmed(**settings):
     film(task, np.ones((2, task.n_genes)), "nowhere.gif", names=["one"])
 
 
+def bodiless(model):
+    """All that there is to see belongs to the ground."""
+    model.geom_bodyid[:] = 0
+
+
 def wrong(genotypes, actuators, time):
     return np.zeros((1, 1, 1))
 
@@ -483,6 +488,18 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5")(ZEROS, np.arange(2)), "seeds are for noisy=True"),
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS), r"seeds of Swimmer-v5, .* must have shape \(2,\), got none"),
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, np.arange(3)), r"must have shape \(2,\), got shape \(3,\)"),
+        (
+            lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, [0.5, 1.0]),
+            "seeds of Swimmer-v5, which is noisy, must be whole numbers, got float64 like 0.5",
+        ),
+        (lambda: tasks.Gym("Swimmer-v5")("fast"), r"genotypes of Swimmer-v5 must be numbers of shape \(n, 7\), got 'fast'"),
+        (lambda: tasks.Gym("Swimmer-v5", fitness=lambda e: "x")(ZEROS), "what fitness returns must be numbers, got 'x'$"),
+        (
+            lambda: tasks.Gym("CartPole-v1", fitness=lambda e: e.qpos[:, -1, 0])(ZEROS),
+            "fitness raised TypeError: .*; an episode of CartPole-v1 has no qpos and no qvel here$",
+        ),
+        (lambda: filmed(modify=bodiless), "task Swimmer-v5 has nothing to film: no body that moves has a geom"),
+        (lambda: film(5, ZEROS, "nowhere.gif"), "task int is not of MuJoCo"),
         (lambda: tasks.Gym("Swimmer-v5", controller=wrong)(ZEROS), r"controller must return shape \(2, 200, 2\)"),
         (
             lambda: tasks.Gym("Pendulum-v1", controller=WrongPolicy())(np.zeros((2, 3))),
@@ -508,6 +525,44 @@ ZEROS = np.zeros((2, 7))
 def test_mistakes(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    "fitness",
+    [
+        lambda episode: episode.reward.sum(axis=1),
+        lambda episode: episode.reward[:, -1],
+        lambda episode: np.sum(episode.reward, axis=1),
+        lambda episode: np.sum(episode.reward),
+        lambda episode: episode.observation[:, -1, 0],
+    ],
+)
+def test_a_fitness_that_reads_what_the_rollout_does_not_know(fitness):
+    message = 'no observation and no reward here, for MuJoCo\'s .*: write fitness="return" .*, or options='
+    with pytest.raises(ValueError, match=message):
+        tasks.Gym("Swimmer-v5", steps=20, fitness=fitness)(ZEROS)
+
+
+def test_a_fitness_may_read_them_where_the_environment_is_stepped():
+    """As the message says."""
+    settings = {"env_id": "Swimmer-v5", "steps": 20}
+    task = tasks.Gym(**settings, fitness=lambda episode: episode.reward.sum(axis=1), options={"max_episode_steps": 20})
+    genotypes = genotypes_of(task)
+    assert_allclose(task(genotypes).fitness, tasks.Gym(**settings, fitness="return")(genotypes).fitness)
+
+
+@pytest.mark.parametrize("env_id", ["Swimmer-v5", "CartPole-v1"])
+def test_windows_without_a_display(env_id, monkeypatch):
+    """Those of MuJoCo would end the process when they cannot be opened."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    options = {"render_mode": "human"}
+    with pytest.raises(ValueError, match=f"options of {env_id} must leave render_mode out, .* there is no display"):
+        tasks.Gym(env_id, steps=20, options=options)
+    assert tasks.Gym(env_id, steps=20, options={"render_mode": "rgb_array"})(ZEROS).fitness.shape == (2,)
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert tasks.Gym(env_id, steps=20, observe=(0,), options=options).options == options  # where it is, nothing is opened yet
 
 
 def test_spaces_that_are_no_use():

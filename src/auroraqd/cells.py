@@ -6,6 +6,8 @@ a box into equal parts; `auroraqd.cvt.CVTArchive` has cells of any shape in any 
 [1] J.-B. Mouret, J. Clune, Illuminating search spaces by mapping elites, arXiv:1504.04909, 2015.
 """
 
+from __future__ import annotations
+
 from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any
