@@ -356,6 +356,8 @@ def test_a_scheduler_that_is_not_there(monkeypatch):
         evaluate.dask("tcp://127.0.0.1:9")
     with pytest.raises(ValueError, match="there is no Dask scheduler at nonsense://x"):
         evaluate.dask("nonsense://x")
+    with pytest.raises(TypeError, match=r"client must be a distributed\.Client, or the address of a scheduler, got None"):
+        evaluate.dask(None)
 
 
 def test_a_pool_of_mpi(tmp_path):

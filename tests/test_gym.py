@@ -520,6 +520,13 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5", controller=tasks.Sinusoids), "controller must have a method n_genes"),
         (lambda: tasks.Gym("Swimmer-v5", fitness=np.zeros(3)), "fitness must be a function of an Episode"),
         (lambda: tasks.MLP(hidden=5), "hidden must be the neurons of each layer"),
+        (lambda: tasks.MLP(scale="far"), "scale must be numbers, got 'far'"),
+        (lambda: tasks.Gym("Swimmer-v5", options=None), "options must be a dictionary, .*, got None"),
+        (lambda: tasks.Gym("Swimmer-v5", noisy="no"), "noisy must be True or False, got 'no'"),
+        (
+            lambda: tasks.Gym("Swimmer-v5", observe=[[0], [0, 1]]),
+            r"observe must be whole numbers of shape \(chosen",
+        ),
     ],
 )
 def test_mistakes(call, message):

@@ -181,6 +181,12 @@ def test_results_are_printed_in_short(learned):
         assert "observation: float64 (" in repr(found)
 
 
+@pytest.mark.parametrize("genes", ["angle", ["angle", "force"], {"angle": (0, 1)}])
+def test_genes_of_a_table(learned, genes):
+    with pytest.raises(TypeError, match=r"genes must be auroraqd\.tasks\.Genes, or None, got "):
+        learned.to_pandas(genes)
+
+
 def test_genes_called_like_other_columns(learned):
     with pytest.raises(ValueError, match="genes must not be called like other columns of the table: fitness, observation_0_1"):
         learned.to_pandas(Genes(fitness=(0, 1), observation_0_1=(0, 1)))

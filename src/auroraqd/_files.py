@@ -10,6 +10,18 @@ from typing import Any, TypeVar
 _Row = TypeVar("_Row", bound=tuple)
 
 
+def as_path(name: str, value: Any) -> Path:
+    """A path, of what the user gave as one.
+
+    Raises:
+        TypeError: it is none.
+    """
+    try:
+        return Path(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a path, got {value!r}") from None
+
+
 def told(error: OSError, what: str) -> OSError:
     """The same kind of error as a sentence, without the number: what could not be done, and why."""
     sentence = type(error)(f"{what}: {error.strerror or error}")

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
-from auroraqd._checks import finite_rows, number, rows_of, whole
+from auroraqd._checks import finite_rows, number, numbers, rows_of, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.scaling import Scaler, Scaling
 
@@ -223,7 +223,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             ValueError: wrong shape.
         """
         scaler, network = self._in_use()
-        z = np.asarray(z, np.float64)
+        z = numbers("z", z)
         n_components = self.architecture_["n_components"]
         if z.ndim != 2 or z.shape[1] != n_components:
             raise ValueError(f"z must have shape (n, {n_components}), got {z.shape}")

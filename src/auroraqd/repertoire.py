@@ -236,8 +236,11 @@ class Repertoire:
             observation: whether its entries are columns too: observation_0_1, ...
 
         Raises:
+            TypeError: genes are something else.
             ValueError: pandas is not installed, or genes are of another number, or called like another column.
         """
+        if genes is not None and not isinstance(genes, Genes):
+            raise TypeError(f"genes must be auroraqd.tasks.Genes, or None, got {genes!r}")
         try:
             import pandas
         except ImportError:

@@ -35,7 +35,11 @@ class Gene:
     def __post_init__(self) -> None:
         if not isinstance(self.unit, str):
             raise ValueError(f"the unit of a gene must be words, got {self.unit!r}")
-        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
+        try:
+            ordered = bool(np.isfinite([self.low, self.high]).all() and self.low < self.high)
+        except (TypeError, ValueError):  # no numbers
+            ordered = False
+        if not ordered:
             raise ValueError(f"the bounds of a gene must be finite, and low less than high, got {self.low} and {self.high}")
 
 
@@ -59,8 +63,10 @@ class Genes:
         for name, gene in genes.items():
             try:
                 found[name] = Gene(gene[0], gene[1], *gene[2:])
-            except (TypeError, IndexError, ValueError) as error:
+            except ValueError as error:
                 raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {gene!r}: {error}") from None
+            except (TypeError, LookupError):  # too few of them, or too many
+                raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {gene!r}") from None
         self._genes: Mapping[str, Gene] = found
 
     def __len__(self) -> int:

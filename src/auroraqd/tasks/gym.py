@@ -81,8 +81,12 @@ class Gym:
             raise ValueError(f"modify must be a function that changes a model of MuJoCo, got {self.modify!r}")
         for name in ("positions", "observe"):
             chosen = getattr(self, name)
-            if chosen is not None and (np.ndim(chosen) != 1 or (len(chosen) and np.asarray(chosen).dtype.kind not in "iu")):
+            if chosen is not None and not _whole_numbers(chosen):
                 raise ValueError(f"{name} must be whole numbers of shape (chosen,), got {chosen!r}")
+        if not isinstance(self.options, dict):
+            raise ValueError(f"options must be a dictionary, as gymnasium.make takes them, got {self.options!r}")
+        if not isinstance(self.noisy, bool | np.bool_):
+            raise ValueError(f"noisy must be True or False, got {self.noisy!r}")
         if self.positions is not None and self.observe is not None:
             raise ValueError("positions and observe are two ways to say what is observed: give one of them")
         self._open()
@@ -224,6 +228,15 @@ class Gym:
             return numbers("what fitness returns", returned)
         except ValueError as error:
             raise ValueError(f"{error}{hint * ('None' in str(error))}") from None
+
+
+def _whole_numbers(chosen: Any) -> bool:
+    """Whether it is some, or an empty list of them."""
+    try:
+        array = np.asarray(chosen)
+    except ValueError:  # not of one shape
+        return False
+    return array.ndim == 1 and (len(array) == 0 or array.dtype.kind in "iu")
 
 
 def _threads() -> int:
