@@ -457,6 +457,23 @@ def wrong(genotypes, actuators, time):
 wrong.n_genes = lambda actuators: 7
 
 
+def worded(genotypes, actuators, time):
+    return "go"
+
+
+worded.n_genes = wrong.n_genes
+
+
+class NotOfGenes(tasks.Splines):
+    def n_genes(self, actuators):
+        return "many"
+
+
+class Speechless(Remembers):
+    def policy(self, genotypes, observations, actuators):
+        return None
+
+
 class WrongPolicy(Remembers):
     def policy(self, genotypes, observations, actuators):
         return lambda sensed: np.zeros(3)
@@ -511,6 +528,26 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.MLP(hidden=(0,)), "hidden must be a whole number"),
         (lambda: tasks.MLP(scale=(1, 0)), "scale must be more than 0"),
         (lambda: tasks.MLP(scale=(1, 1)).policy(np.zeros((1, 100)), 3, 1), "scale must have 3 entries"),
+        (
+            lambda: tasks.Gym("Swimmer-v5", controller=NotOfGenes()),
+            "n_genes of the controller must be a whole number, .* 'many'",
+        ),
+        (lambda: tasks.Gym("Swimmer-v5", controller=worded)(ZEROS), "controls must be numbers, got 'go'"),
+        (
+            lambda: tasks.Gym("Pendulum-v1", controller=Speechless())(np.zeros((2, 3))),
+            "the policy of the controller must be a function of what is sensed, got None",
+        ),
+        (lambda: tasks.Gym("Swimmer-v5", options={"frame_skip": 0}), "env_id 'Swimmer-v5' cannot be made: float division"),
+        (
+            lambda: film(tasks.Gym("Swimmer-v5"), None, "nowhere.gif"),
+            r"genotypes must be numbers of shape \(n, n_genes\), got N",
+        ),
+        (
+            lambda: film(tasks.Gym("Swimmer-v5"), ZEROS[:0], "nowhere.gif"),
+            r"genotypes must have shape .* one row, got \(0, 7\)",
+        ),
+        (lambda: film(tasks.Gym("Swimmer-v5"), ZEROS, "nowhere.gif", names="ab"), "names must be 2, .*, got 'ab'"),
+        (lambda: film(tasks.Gym("Swimmer-v5"), ZEROS, "nowhere.gif", names=2), "names must be 2, .*, got 2"),
         (lambda: filmed(), "names must be 2, one for each genotype, got 1"),
         (lambda: filmed(env_id="CartPole-v1"), "task CartPole-v1 is not of MuJoCo"),
         (lambda: tasks.Gym("Swimmer-v5", positions=[0.5]), "positions must be whole numbers of shape"),

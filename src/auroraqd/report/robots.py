@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from auroraqd._checks import numbers
+from auroraqd._files import as_path
 from auroraqd.report.videos import LAST, arrangement, video
 from auroraqd.tasks import Gym, name_of
 
@@ -50,17 +52,20 @@ def film(
     Raises:
         ValueError: the task is not of MuJoCo, there is nothing to draw, or to draw with or into, or an argument has another
             shape.
+        TypeError: the path is none.
         OSError: it cannot be written.
     """
     if getattr(task, "model", None) is None:
         raise ValueError(f"task {name_of(task)} is not of MuJoCo, which would draw it")
     if len(_moving(task.model)) == 0:
         raise ValueError(f"task {name_of(task)} has nothing to film: no body that moves has a geom, in its model of MuJoCo")
-    if len(genotypes) == 0:
-        raise ValueError("genotypes must have at least one row")
+    path, genotypes = as_path("path", path), numbers("genotypes", genotypes, " of shape (n, n_genes)")
+    if genotypes.ndim != 2 or len(genotypes) == 0:
+        raise ValueError(f"genotypes must have shape (n, n_genes), with at least one row, got {genotypes.shape}")
     names = [f"skill {row}" for row in range(len(genotypes))] if names is None else names
-    if len(names) != len(genotypes):
-        raise ValueError(f"names must be {len(genotypes)}, one for each genotype, got {len(names)}")
+    if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray) or len(names) != len(genotypes):
+        came = len(names) if isinstance(names, Sequence | np.ndarray) and not isinstance(names, str) else repr(names)
+        raise ValueError(f"names must be {len(genotypes)}, one for each genotype, got {came}")
     poses = task.episode(genotypes, seeds).qpos
     if not np.isfinite(poses).all():
         raise ValueError(f"genotypes must be of valid individuals, and row {_first_bad(poses)} is not")
@@ -71,7 +76,7 @@ def film(
     figure, images = _panels(names)
     studio = Studio(task.model, poses[:, shown])
     try:
-        with video(figure, Path(path), rate) as add:
+        with video(figure, path, rate) as add:
             for done, frame in enumerate(frames):
                 listener(done, len(frames))
                 for row, image in enumerate(images):

@@ -46,7 +46,12 @@ def write_figures(folder: str | Path) -> list[Path]:
 
 
 def repertoire_figure(repertoire: Repertoire) -> Figure:
-    """Descriptor space, ground-truth space where there is one, and trajectories where the observations are some."""
+    """Descriptor space, ground-truth space where there is one, and trajectories where the observations are some.
+
+    Raises:
+        ValueError: the repertoire is empty.
+    """
+    _check_any(repertoire)
     truth = repertoire.ground_truth
     panels = [("Descriptor space", _draw_descriptors)]
     if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
@@ -67,7 +72,12 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
 
 
 def fitness_figure(repertoire: Repertoire) -> Figure:
-    """Fitness over descriptor space, and over ground-truth space where there is one: what each behaviour is worth."""
+    """Fitness over descriptor space, and over ground-truth space where there is one: what each behaviour is worth.
+
+    Raises:
+        ValueError: the repertoire is empty.
+    """
+    _check_any(repertoire)
     truth = repertoire.ground_truth
     panels: list[tuple[str, Any]] = [("Descriptor space", _draw_descriptors)]
     if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
@@ -107,6 +117,11 @@ def history_figure(records: Sequence[Record]) -> Figure:
             if name != "mean_fitness":
                 axes.set_ylim(0, 1.05 * max(np.nanmax(values), 1e-12))
     return figure
+
+
+def _check_any(repertoire: Repertoire) -> None:
+    if len(repertoire) == 0:
+        raise ValueError("the repertoire is empty, nothing was stored in its run: there is nothing to draw")
 
 
 def _plane(repertoire: Repertoire) -> np.ndarray:

@@ -99,7 +99,15 @@ class Environments:
         env_id, options, modify = self._recipe
         try:  # an episode is as long as the task says, so without a limit of the environment's own
             env = self._gymnasium.make(env_id, **{"max_episode_steps": -1, "disable_env_checker": True, **options})
-        except (self._gymnasium.error.Error, TypeError, ValueError, OSError, ImportError, AttributeError) as error:
+        except (
+            self._gymnasium.error.Error,
+            TypeError,
+            ValueError,
+            OSError,
+            ImportError,
+            AttributeError,
+            ArithmeticError,
+        ) as error:
             raise ValueError(f"env_id {env_id!r} cannot be made: {error}") from None
         if modify is not None:
             if not self._of_mujoco(env):

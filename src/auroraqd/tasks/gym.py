@@ -119,7 +119,7 @@ class Gym:
         if not self._chosen or any(not 0 <= index < there for index in self._chosen):
             raise ValueError(f"{name} must be of 0 to {there - 1} for {self.env_id}, got {self._chosen}")
         sizes = (self._environments.observations, actuators) if closed else (actuators,)
-        self.n_genes: int = self.controller.n_genes(*sizes)
+        self.n_genes: int = whole("n_genes of the controller", self.controller.n_genes(*sizes))
         self._rollout = None
         if not (closed or self._of_observation or self.fitness == "return" or "max_episode_steps" in self.options):
             rollout = Rollout(self._environments, self.threads or _threads())
@@ -184,9 +184,11 @@ class Gym:
         actuators = self._environments.actuators
         if is_closed_loop(self.controller):
             policy = self.controller.policy(genotypes, self._environments.observations, actuators)
+            if not callable(policy):
+                raise ValueError(f"the policy of the controller must be a function of what is sensed, got {policy!r}")
             return stepped(self._environments, lambda step, sensed: policy(sensed), self.steps, seeds)
         controller: Any = self.controller
-        controls = np.asarray(controller(genotypes, actuators, self.interval * np.arange(self.steps)), np.float64)
+        controls = numbers("controls", controller(genotypes, actuators, self.interval * np.arange(self.steps)))
         wanted = (len(genotypes), self.steps, actuators)
         if controls.shape != wanted:
             raise ValueError(f"the controller must return shape {wanted}, got {controls.shape}")
