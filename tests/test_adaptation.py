@@ -187,6 +187,17 @@ def test_a_repertoire_is_adapted():
         ({"scale": 0.0}, "scale must be one positive number"),
         ({"scale": [1.0, 1.0]}, "scale must be one positive number, or 1"),
         ({"scale": np.inf}, "scale must be one positive number"),
+        ({"scale": 1e-308}, r"scale must be one positive number, or 1, from 1e-50 to 1e\+50, got 1e-308"),
+        ({"scale": "wide"}, "scale must be numbers, got 'wide'"),
+        ({"space": [[1], [1, 2]]}, r"space must be numbers of shape \(n, d\), got \[\[1\], \[1, 2\]\]"),
+        ({"space": 1e160 * np.eye(3)}, r"space must be finite, and at most 1e\+50 in size, got 1e\+160"),
+        ({"promise": [1e308, -1e308, 0]}, r"promise must be finite, and at most 1e\+50 in size, got 1e\+308"),
+        ({"promise": ["a", "b", "c"]}, r"promise must be numbers, got \['a', 'b', 'c'\]"),
+        ({"promise": np.zeros((3, 2)), "goal": (1e200, 0)}, r"goal must be finite, and at most 1e\+50 in size, got 1e\+200"),
+        ({"promise": np.zeros((3, 2)), "goal": "home"}, "goal must be numbers, got 'home'"),
+        ({"kappa": 1e308}, r"kappa must be a finite number, from 0 to 1e\+50, got 1e\+308"),
+        ({"length": 1e308}, r"length must be a finite number, from 1e-6 to 1e\+50, got 1e\+308"),
+        ({"noise": 1e308}, r"noise must be a finite number, from 1e-4, .*, to 1e\+50, got 1e\+308"),
     ],
 )
 def test_arguments_out_of_range(change, message):
@@ -200,11 +211,29 @@ def test_what_is_told_is_checked():
         (3, (0, 0), "row must be"),
         (-1, (0, 0), "row must be"),
         (0, 0.5, "outcome must be 2 numbers, as promised"),
-        (0, (0, np.inf), "finite or NaN"),
+        (0, (0, np.inf), r"finite and at most 1e\+50 in size, or NaN for a trial that failed, got \(0, inf\)"),
+        (0, (0, 1e308), r"finite and at most 1e\+50 in size, or NaN for a trial that failed, got \(0, 1e\+308\)"),
+        (0, None, "outcome must be 2 numbers, .* got None"),
+        (0, ("far", "away"), r"outcome must be 2 numbers, .* got \('far', 'away'\)"),
     ):
         with pytest.raises(ValueError, match=message):
             adaptation.tell(row, outcome)
     assert adaptation.best is None
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-51, 1e-49, 1e49])
+def test_numbers_of_any_size_that_is_allowed_neither_overflow_nor_vanish(size):
+    """Warnings are errors here."""
+    promise = size * np.random.default_rng(0).random((5, 2))
+    for adaptation in (
+        Adaptation(promise, promise, goal=promise[0]),
+        Adaptation(promise, promise, goal=promise[0], scale=1e-50),
+    ):
+        for outcome in ((1e50, -1e50), (0, 0), (-1e50, size)):
+            adaptation.tell(adaptation.ask(), outcome)
+        assert np.isfinite(adaptation.predict()).all()
+        assert np.isfinite(adaptation.expected)
+        assert adaptation.best is not None
 
 
 def test_a_failure_is_one_nan_or_all():

@@ -155,6 +155,8 @@ def test_a_puck_placed_onto_the_arm_is_pushed_out():
     [
         (np.zeros((3, 7)), r"genotypes must have shape \(n, 8\), got \(3, 7\)"),
         (np.zeros(8), r"genotypes must have shape \(n, 8\)"),
+        ("hard", r"genotypes must be numbers of shape \(n, 8\), got 'hard'"),
+        ([[1], [1, 2]], r"genotypes must be numbers of shape \(n, 8\), got \[\[1\], \[1, 2\]\]"),
         (np.full((1, 8), 1.1), r"genotypes must be in \[0, 1\]"),
         (np.full((1, 8), np.nan), r"genotypes must be in \[0, 1\]"),
     ],

@@ -274,6 +274,8 @@ def test_bad_rows_after_fitting():
         encoder.transform(np.zeros((2, 5)))
     with pytest.raises(ValueError, match=r"z must have shape \(n, 2\), got \(1, 3\)"):
         encoder.inverse_transform(np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="z must be numbers, got 'x'"):
+        encoder.inverse_transform("x")
 
 
 @pytest.mark.parametrize("x", [np.zeros((20, 6)), np.ones((1, 6)), np.repeat([[1.0, 2, 3]], 9, axis=0)])

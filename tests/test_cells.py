@@ -211,3 +211,9 @@ def test_aurora_on_cells():
     auroraqd.Aurora(2, "hand-coded", archive=grid, seed=0).run(task, generations=20)
     assert 100 < len(grid) <= 400
     assert_array_equal(grid.cell_of(grid.ground_truth), grid.cell)
+
+
+@pytest.mark.parametrize("bad", ["x", [[1], [1, 2]], None, {}])
+def test_places_that_are_no_numbers(bad):
+    with pytest.raises(ValueError, match=r"descriptor must be numbers of shape \(n, 2\), got "):
+        auroraqd.GridArchive((3, 3)).cell_of(bad)

@@ -320,6 +320,12 @@ def test_misuse_is_said(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(NotADirectoryError, match="file must be a folder, and is a file"):
         auroraqd.Checkpoints(make(), tmp_path / "file").__enter__()
+    with pytest.raises(NotADirectoryError, match=r"the folder .*file/x could not be created: Not a directory"):
+        auroraqd.Checkpoints(make(), tmp_path / "file" / "x").__enter__()
+    (tmp_path / "run" / ".lock").unlink()
+    (tmp_path / "run" / ".lock").mkdir()
+    with pytest.raises(IsADirectoryError, match=r"nothing can be written into .*run: Is a directory"):
+        auroraqd.Checkpoints(make(), tmp_path / "run").__enter__()
 
 
 def test_an_archive_that_does_not_fit(tmp_path):

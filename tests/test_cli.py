@@ -87,6 +87,16 @@ def test_show_prints_and_redraws(run_folder):
     assert picture.read_bytes() == before
 
 
+def test_what_was_found_is_shown_where_figures_cannot_be(run_folder, tmp_path):
+    for name in ("config.json", "history.csv", "repertoire.safetensors"):
+        (tmp_path / name).write_bytes((run_folder / name).read_bytes())
+    (tmp_path / "figures").touch()
+    done = command("show", tmp_path, ok=False)
+    assert f"{len(auroraqd.load(run_folder)):,} individuals" in done.stdout
+    said = f"figures could not be drawn, --no-figures leaves them out: {tmp_path}/figures must be a folder, and is a file"
+    assert said in " ".join(done.stderr.split())
+
+
 def test_repeat_is_the_same_run(tmp_path):
     settings = ["--descriptor", "genotype", "--variation", "gaussian:sigma=0.1,at_least_one=false", "--selection", "uniform"]
     settings += ["--resolution", "fixed:l=0.02", "--schedule", "every:generations=3", "--k", "3", "--competition", "elitist"]
@@ -101,7 +111,7 @@ def test_repeat_is_the_same_run(tmp_path):
 
 def test_default_folder_and_lines_of_progress(tmp_path):
     done = command("run", "ballistic", "-n", 3, "--descriptor", "hand-coded", "--no-figures", cwd=tmp_path)
-    assert "generation 3/3" in done.stdout
+    assert done.stdout.index("compiling kernels") < done.stdout.index("generation 3/3")
     assert len(auroraqd.load(tmp_path / "runs" / "ballistic-hand-coded-0")) > 100
 
 
@@ -253,13 +263,17 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
         (["show", "nowhere"], "there is no folder nowhere"),
         (["show", "."], "is no run folder"),
         (["repeat", "nowhere", "--out", "x"], "there is no folder nowhere"),
-        (["run", "ballistic", "--out", "/dev/null/x"], "Not a directory"),
+        (["run", "ballistic", "--out", "/dev/null/x"], "the folder /dev/null/x could not be created: Not a directory"),
+        (["run", "ballistic", "--out", "x" * 300], f"{'x' * 300}: File name too long"),
+        (["reproduce", "ballistic", "--quick", "--out", "/dev/null"], "/dev/null must be a folder, and is a file"),
+        (["reproduce", "ballistic", "--quick", "--out", "/dev/null/x"], "the folder /dev/null/x could not be created: Not a"),
     ],
 )
 def test_mistakes_get_a_sentence_and_no_traceback(tmp_path, arguments, message):
     done = command(*arguments, cwd=tmp_path, ok=False)
     assert message in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
+    assert "Errno" not in done.stderr
 
 
 def test_a_damaged_run_folder(run_folder, tmp_path):

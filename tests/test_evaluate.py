@@ -349,6 +349,20 @@ def test_bad_options(options):
         evaluate.over(lambda: 3, robots.good)(GENOTYPES)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["x"], r"genotypes must be numbers of shape \(n, n_genes\), got 'x'"),
+        ([np.zeros(3)], r"genotypes must have shape \(n, n_genes\), got \(3,\)"),
+        ([GENOTYPES, [0.5]], rf"seeds must have shape \({len(GENOTYPES)},\), got shape \(1,\)"),
+        ([GENOTYPES, np.zeros(len(GENOTYPES))], "seeds must be whole numbers, got float64 like 0.0"),
+    ],
+)
+def test_arguments_of_a_spread_task(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        evaluate.over(partial(ThreadPoolExecutor, 1), robots.good)(*arguments)
+
+
 def test_a_scheduler_that_is_not_there(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "_CONNECT", 1)
@@ -356,6 +370,8 @@ def test_a_scheduler_that_is_not_there(monkeypatch):
         evaluate.dask("tcp://127.0.0.1:9")
     with pytest.raises(ValueError, match="there is no Dask scheduler at nonsense://x"):
         evaluate.dask("nonsense://x")
+    with pytest.raises(TypeError, match=r"client must be a distributed\.Client, or the address of a scheduler, got None"):
+        evaluate.dask(None)
 
 
 def test_a_pool_of_mpi(tmp_path):

@@ -78,12 +78,55 @@ def test_jax_tasks_can_be_sent():
         (lambda g: np.zeros(2 + (g[0] > 0.5)), "observation must have the same shape for each genotype, got .*2.* and .*3"),
         (lambda g: np.zeros(2) if g[0] > 0.5 else (0.0, np.zeros(2)), "a tuple of the same length for each genotype"),
         (lambda g: None, "must return a tuple of fitness, observation"),
-        (lambda g: {"x": 1}, "must return a tuple of fitness, observation"),
     ],
 )
-def test_functions_that_return_something_else(function, message):
+def test_functions_that_return_something_else_now_and_then(function, message):
     with pytest.raises(auroraqd.TaskError, match=f"task <lambda> at generation 0.*{message}"):
         grown(tasks.each(function))
+
+
+WANTED = r"it must return a tuple of fitness, observation and optionally ground truth, or observation alone, \(...\), got "
+
+
+@pytest.mark.parametrize("make", [tasks.each, tasks.from_jax])
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda g: g[0], f"{WANTED}one number for a genotype: as observation of one entry it must be an array, of shape"),
+        (lambda g: 0.5, f"{WANTED}one number for a genotype"),
+        (lambda g: None, f"{WANTED}None"),
+        (lambda g: {"x": g}, f"{WANTED}dict"),
+        (lambda g: "x", f"{WANTED}str"),
+        (lambda g: (g,), f"{WANTED}a tuple of 1"),
+        (lambda g: (g[0], g, g, g), f"{WANTED}a tuple of 4"),
+        (lambda g: (None, g), "fitness of a genotype must be numbers, got None"),
+        (lambda g: (g[0], "x"), "observation of a genotype must be numbers, got 'x'"),
+        (lambda g: [g[0], g], "observation of a genotype must be numbers, got"),
+    ],
+)
+def test_functions_that_return_something_else(make, function, message):
+    with pytest.raises(ValueError, match=message):
+        make(function)(np.full((3, 2), 0.5))
+    with pytest.raises(auroraqd.TaskError, match=f"task <lambda> at generation 0.*{message}"):
+        grown(make(function))
+
+
+@pytest.mark.parametrize("make", [tasks.each, tasks.from_jax])
+def test_what_functions_may_return_besides(make):
+    """An `Evaluation` without ground truth, and numbers in a list."""
+    genotypes = np.random.default_rng(0).random((3, 2), np.float32)
+    fitness, observation = make(lambda g: tasks.Evaluation(g[0], g))(genotypes)
+    assert_array_equal(fitness, genotypes[:, 0])
+    assert_array_equal(observation, genotypes)
+    assert_array_equal(make(lambda g: [g[1], g[0]])(genotypes), genotypes[:, ::-1])
+
+
+@pytest.mark.parametrize(
+    "function", [lambda g: g if g[0] > 0.5 else -g, lambda g: np.sin(g), lambda g: np.array([float(g[0])])]
+)
+def test_what_jax_cannot_trace(function):
+    with pytest.raises(ValueError, match=r"it must be a function of jax.numpy, without `if` .*auroraqd.tasks.each instead"):
+        tasks.from_jax(function)(np.full((3, 2), 0.5))
 
 
 @given(arrays(np.float64, (4, 2), elements=st.floats(0, 1)))
@@ -106,9 +149,17 @@ def test_genes_say_what_they_are():
         (lambda: tasks.Genes(), "at least one gene"),
         (lambda: tasks.Genes(a=(1, 0)), r"gene a must be .*low less than high, got 1 and 0"),
         (lambda: tasks.Genes(a=(0, np.inf)), "gene a must be"),
-        (lambda: tasks.Genes(a=3), "gene a must be"),
+        (lambda: tasks.Genes(a=3), r"gene a must be \(low, high\) or \(low, high, unit\), got 3$"),
+        (lambda: tasks.Genes(a={}), r"gene a must be \(low, high\) or \(low, high, unit\), got {}$"),
+        (lambda: tasks.Genes(a=(0,)), r"gene a must be .*, got \(0,\)$"),
+        (lambda: tasks.Genes(a=(0, 1, "m", "s")), "gene a must be .*, got .*'m', 's'"),
+        (lambda: tasks.Genes(a=(None, 1)), "gene a must be .* and low less than high, got None and 1$"),
+        (lambda: tasks.Genes(a=("x", 1)), "gene a must be .* and low less than high, got x and 1$"),
+        (lambda: tasks.Genes(a=([1, 2], 1)), "gene a must be .* and low less than high, got .* and 1$"),
         (lambda: GENES.scale([[0.5]]), r"genotypes must have 2 genes \(angle, speed\), got shape \(1, 1\)"),
         (lambda: GENES.unscale([0, 2.5]), r"speed must be in \[0, 2\], got 2.5"),
+        (lambda: GENES.scale("fast"), "genotypes must be numbers, got 'fast'"),
+        (lambda: GENES.unscale([None, 1]), r"values must be numbers, got \[None, 1\]"),
         (lambda: tasks.each(one, n_genes=0), "n_genes must be"),
         (lambda: tasks.from_jax(in_jax)(np.empty((0, 2))), "at least one genotype"),
     ],
@@ -212,5 +263,5 @@ def test_one_array_returned_again_and_again_is_many():
 
 
 def test_a_tuple_of_four_is_refused():
-    with pytest.raises(ValueError, match="observation alone, got a tuple of 4"):
+    with pytest.raises(ValueError, match=f"{WANTED}a tuple of 4"):
         tasks.each(lambda genotype: (0.0, genotype, genotype, genotype))(np.zeros((2, 2)))

@@ -445,11 +445,33 @@ def filmed(**settings):
     film(task, np.ones((2, task.n_genes)), "nowhere.gif", names=["one"])
 
 
+def bodiless(model):
+    """All that there is to see belongs to the ground."""
+    model.geom_bodyid[:] = 0
+
+
 def wrong(genotypes, actuators, time):
     return np.zeros((1, 1, 1))
 
 
 wrong.n_genes = lambda actuators: 7
+
+
+def worded(genotypes, actuators, time):
+    return "go"
+
+
+worded.n_genes = wrong.n_genes
+
+
+class NotOfGenes(tasks.Splines):
+    def n_genes(self, actuators):
+        return "many"
+
+
+class Speechless(Remembers):
+    def policy(self, genotypes, observations, actuators):
+        return None
 
 
 class WrongPolicy(Remembers):
@@ -483,6 +505,18 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5")(ZEROS, np.arange(2)), "seeds are for noisy=True"),
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS), r"seeds of Swimmer-v5, .* must have shape \(2,\), got none"),
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, np.arange(3)), r"must have shape \(2,\), got shape \(3,\)"),
+        (
+            lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, [0.5, 1.0]),
+            "seeds of Swimmer-v5, which is noisy, must be whole numbers, got float64 like 0.5",
+        ),
+        (lambda: tasks.Gym("Swimmer-v5")("fast"), r"genotypes of Swimmer-v5 must be numbers of shape \(n, 7\), got 'fast'"),
+        (lambda: tasks.Gym("Swimmer-v5", fitness=lambda e: "x")(ZEROS), "what fitness returns must be numbers, got 'x'$"),
+        (
+            lambda: tasks.Gym("CartPole-v1", fitness=lambda e: e.qpos[:, -1, 0])(ZEROS),
+            "fitness raised TypeError: .*; an episode of CartPole-v1 has no qpos and no qvel here$",
+        ),
+        (lambda: filmed(modify=bodiless), "task Swimmer-v5 has nothing to film: no body that moves has a geom"),
+        (lambda: film(5, ZEROS, "nowhere.gif"), "task int is not of MuJoCo"),
         (lambda: tasks.Gym("Swimmer-v5", controller=wrong)(ZEROS), r"controller must return shape \(2, 200, 2\)"),
         (
             lambda: tasks.Gym("Pendulum-v1", controller=WrongPolicy())(np.zeros((2, 3))),
@@ -494,6 +528,26 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.MLP(hidden=(0,)), "hidden must be a whole number"),
         (lambda: tasks.MLP(scale=(1, 0)), "scale must be more than 0"),
         (lambda: tasks.MLP(scale=(1, 1)).policy(np.zeros((1, 100)), 3, 1), "scale must have 3 entries"),
+        (
+            lambda: tasks.Gym("Swimmer-v5", controller=NotOfGenes()),
+            "n_genes of the controller must be a whole number, .* 'many'",
+        ),
+        (lambda: tasks.Gym("Swimmer-v5", controller=worded)(ZEROS), "controls must be numbers, got 'go'"),
+        (
+            lambda: tasks.Gym("Pendulum-v1", controller=Speechless())(np.zeros((2, 3))),
+            "the policy of the controller must be a function of what is sensed, got None",
+        ),
+        (lambda: tasks.Gym("Swimmer-v5", options={"frame_skip": 0}), "env_id 'Swimmer-v5' cannot be made: float division"),
+        (
+            lambda: film(tasks.Gym("Swimmer-v5"), None, "nowhere.gif"),
+            r"genotypes must be numbers of shape \(n, n_genes\), got N",
+        ),
+        (
+            lambda: film(tasks.Gym("Swimmer-v5"), ZEROS[:0], "nowhere.gif"),
+            r"genotypes must have shape .* one row, got \(0, 7\)",
+        ),
+        (lambda: film(tasks.Gym("Swimmer-v5"), ZEROS, "nowhere.gif", names="ab"), "names must be 2, .*, got 'ab'"),
+        (lambda: film(tasks.Gym("Swimmer-v5"), ZEROS, "nowhere.gif", names=2), "names must be 2, .*, got 2"),
         (lambda: filmed(), "names must be 2, one for each genotype, got 1"),
         (lambda: filmed(env_id="CartPole-v1"), "task CartPole-v1 is not of MuJoCo"),
         (lambda: tasks.Gym("Swimmer-v5", positions=[0.5]), "positions must be whole numbers of shape"),
@@ -503,11 +557,56 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5", controller=tasks.Sinusoids), "controller must have a method n_genes"),
         (lambda: tasks.Gym("Swimmer-v5", fitness=np.zeros(3)), "fitness must be a function of an Episode"),
         (lambda: tasks.MLP(hidden=5), "hidden must be the neurons of each layer"),
+        (lambda: tasks.MLP(scale="far"), "scale must be numbers, got 'far'"),
+        (lambda: tasks.Gym("Swimmer-v5", options=None), "options must be a dictionary, .*, got None"),
+        (lambda: tasks.Gym("Swimmer-v5", noisy="no"), "noisy must be True or False, got 'no'"),
+        (
+            lambda: tasks.Gym("Swimmer-v5", observe=[[0], [0, 1]]),
+            r"observe must be whole numbers of shape \(chosen",
+        ),
     ],
 )
 def test_mistakes(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    "fitness",
+    [
+        lambda episode: episode.reward.sum(axis=1),
+        lambda episode: episode.reward[:, -1],
+        lambda episode: np.sum(episode.reward, axis=1),
+        lambda episode: np.sum(episode.reward),
+        lambda episode: episode.observation[:, -1, 0],
+    ],
+)
+def test_a_fitness_that_reads_what_the_rollout_does_not_know(fitness):
+    message = 'no observation and no reward here, for MuJoCo\'s .*: write fitness="return" .*, or options='
+    with pytest.raises(ValueError, match=message):
+        tasks.Gym("Swimmer-v5", steps=20, fitness=fitness)(ZEROS)
+
+
+def test_a_fitness_may_read_them_where_the_environment_is_stepped():
+    """As the message says."""
+    settings = {"env_id": "Swimmer-v5", "steps": 20}
+    task = tasks.Gym(**settings, fitness=lambda episode: episode.reward.sum(axis=1), options={"max_episode_steps": 20})
+    genotypes = genotypes_of(task)
+    assert_allclose(task(genotypes).fitness, tasks.Gym(**settings, fitness="return")(genotypes).fitness)
+
+
+@pytest.mark.parametrize("env_id", ["Swimmer-v5", "CartPole-v1"])
+def test_windows_without_a_display(env_id, monkeypatch):
+    """Those of MuJoCo would end the process when they cannot be opened."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    options = {"render_mode": "human"}
+    with pytest.raises(ValueError, match=f"options of {env_id} must leave render_mode out, .* there is no display"):
+        tasks.Gym(env_id, steps=20, options=options)
+    assert tasks.Gym(env_id, steps=20, options={"render_mode": "rgb_array"})(ZEROS).fitness.shape == (2,)
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert tasks.Gym(env_id, steps=20, observe=(0,), options=options).options == options  # where it is, nothing is opened yet
 
 
 def test_spaces_that_are_no_use():

@@ -27,7 +27,9 @@ def test_outside():
     assert outside(reference, np.array([[0.5, 0.5], [2.0, 0.5], [0.5, -1.0], [1.0, 0.0]])) == 0.5
 
 
-@pytest.mark.parametrize("bad", [np.zeros(3), np.zeros((0, 2)), np.full((3, 2), np.nan), np.zeros((3, 3))])
+@pytest.mark.parametrize(
+    "bad", [np.zeros(3), np.zeros((0, 2)), np.full((3, 2), np.nan), np.zeros((3, 3)), "x", [[1], [1, 2]], {}]
+)
 def test_bad_arguments(bad):
     with pytest.raises(ValueError, match="must"):
         klc(np.random.default_rng(0).random((5, 2)), bad)
@@ -88,3 +90,22 @@ def test_diversity_of_something_else(bad):
         diversity(bad)
     with pytest.raises(ValueError, match="low must be below high"):
         diversity(np.zeros((1, 2, 2)), low=1, high=1)
+
+
+@pytest.mark.parametrize("bad", ["x", [[1], [1, 2]], None, {}])
+def test_what_is_no_array_of_numbers_is_said(bad):
+    for call, name in (
+        (lambda: klc(bad, np.zeros((3, 2))), "reference"),
+        (lambda: outside(np.zeros((3, 2)), bad), "compared"),
+        (lambda: diversity(bad), "trajectories"),
+        (lambda: reconstruction_error(np.zeros((3, 2)), bad), "reconstruction"),
+    ):
+        with pytest.raises(ValueError, match=f"{name} must be numbers, got "):
+            call()
+    with pytest.raises(ValueError, match="low must be a finite number, a wall, got "):
+        diversity(np.zeros((1, 2, 2)), low=bad)
+
+
+def test_observations_without_entries_have_no_error():
+    with pytest.raises(ValueError, match="observation and reconstruction must have one shape"):
+        reconstruction_error(np.zeros((3, 0)), np.zeros((3, 0)))

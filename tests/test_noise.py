@@ -67,6 +67,31 @@ def test_ask_and_tell_can_use_them():
     assert_array_equal(aurora.archive.observation, grown(Windy()).archive.observation)
 
 
+@pytest.mark.parametrize(
+    "task",
+    [tasks.each(one, seeded=True), tasks.from_jax(in_jax, seeded=True), tasks.repeated(Windy(), 2), tasks.repeated(Windy(), 1)],
+)
+@pytest.mark.parametrize(
+    ("seeds", "message"),
+    [
+        ([0.5, 1.5], "must be whole numbers, got float64 like 0.5"),
+        (["a", "b"], "must be whole numbers, got <U1 like a"),
+        ([True, False], "must be whole numbers, got bool like True"),
+        ([[1, 2], 3], r"must have shape \(2,\), got \[\[1, 2\], 3\]"),
+        ([1], r"must have shape \(2,\), got shape \(1,\)"),
+    ],
+)
+def test_seeds_that_are_none(task, seeds, message):
+    with pytest.raises(ValueError, match=f"seeds.* {message}"):
+        task(GENOTYPES[:2], seeds)
+
+
+def test_a_seeded_function_needs_seeds():
+    for task in (tasks.each(one, seeded=True), tasks.from_jax(in_jax, seeded=True)):
+        with pytest.raises(ValueError, match=rf"seeds of {task.__name__} must have shape \(2,\), got none"):
+            task(GENOTYPES[:2])
+
+
 @pytest.mark.parametrize("chunk", [1, 7])
 def test_results_do_not_depend_on_who_evaluates_what(chunk):
     with evaluate.over(evaluate.processes(2), Windy(), chunk=chunk) as task:

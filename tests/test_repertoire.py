@@ -1,3 +1,5 @@
+import inspect
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -56,9 +58,41 @@ def test_outcomes_that_are_none(learned):
         (np.full_like(wanted, np.inf), 1, "finite"),
         (wanted, len(learned) + 1, "k must be"),
         (wanted, 0, "k must be"),
+        ("there", 1, "observation must be numbers, got 'there'"),
+        ([[1, 2], [3]], 1, "observation must be numbers, got"),
     ):
         with pytest.raises(ValueError, match=message):
             learned.reach(observation, k)
+    with pytest.raises(ValueError, match="observation must be numbers, got 'there'"):
+        learned.describe("there")
+    with pytest.raises(ValueError, match=r"descriptor must have shape \(n, 2\), as those of the repertoire, got \(2,\)"):
+        learned.reconstruct([0.0, 0.0])
+
+
+@pytest.fixture(params=[0, 2], ids=["before it began", "of invalid individuals"])
+def empty(request, tmp_path):
+    aurora = auroraqd.Aurora(4, "genotype", seed=0, batch_size=20)
+    for _ in range(request.param):
+        aurora.tell(np.full(len(aurora.ask()), np.nan), np.zeros((20, 3, 2)))
+    return auroraqd.load(auroraqd.save(aurora, tmp_path / "empty"))
+
+
+def test_an_empty_repertoire_says_so(empty, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    wanted = np.zeros(empty.observation.shape[1:])
+    for call in (lambda: empty.reach(wanted), lambda: empty.evaluate(Ballistic()), lambda: empty.evaluate(Ballistic(), [])):
+        with pytest.raises(ValueError, match="the repertoire is empty, nothing was stored in its run: there is no skill to "):
+            call()
+    with pytest.raises(ValueError, match=r"space must have shape \(n, d\), with at least one skill, got \(0, "):
+        auroraqd.Adaptation(empty.descriptor, empty.fitness)
+    assert empty.sample(3).shape == (0,)
+    table = empty.to_pandas(Genes(a=(0, 1), b=(0, 1), c=(0, 1), d=(0, 1)))
+    assert list(table)[:5] == ["a", "b", "c", "d", "fitness"]
+    assert len(table) == 0
+    table.to_csv(tmp_path / "a.csv", index=False)
+    table.to_parquet(tmp_path / "a.parquet")
+    for read in (pandas.read_csv(tmp_path / "a.csv"), pandas.read_parquet(tmp_path / "a.parquet")):
+        assert list(read) == list(table)
 
 
 def test_samples_are_spread(learned):
@@ -90,10 +124,14 @@ def test_skills_are_evaluated_again(learned):
 def test_evaluations_that_are_none(learned):
     with pytest.raises(ValueError, match="as stored"):
         learned.evaluate(lambda g: g, [0])
-    with pytest.raises(IndexError):
-        learned.evaluate(Ballistic(), [len(learned)])
-    with pytest.raises(ValueError, match="rows must be whole numbers"):
-        learned.evaluate(Ballistic(), [0.5])
+    for row in (len(learned), -len(learned) - 1):
+        with pytest.raises(IndexError, match=f"rows must be of the repertoire, 0 to {len(learned) - 1}, got {row}"):
+            learned.evaluate(Ballistic(), [0, row])
+    for rows in ([0.5], [], [[1, 2], [3]], "all"):
+        with pytest.raises(ValueError, match=r"rows must be whole numbers of shape \(n,\), at least one, got "):
+            learned.evaluate(Ballistic(), rows)
+    with pytest.raises(TypeError, match="task must be callable, got 'ballistic'"):
+        learned.evaluate("ballistic")
     with pytest.raises(auroraqd.TaskError, match="task <lambda> with skills of the repertoire raised OSError: no motor"):
         learned.evaluate(lambda g: (_ for _ in ()).throw(OSError("no motor")), [0])
 
@@ -143,6 +181,28 @@ def test_results_are_printed_in_short(learned):
         assert "observation: float64 (" in repr(found)
 
 
+@pytest.mark.parametrize("genes", ["angle", ["angle", "force"], {"angle": (0, 1)}])
+def test_genes_of_a_table(learned, genes):
+    with pytest.raises(TypeError, match=r"genes must be auroraqd\.tasks\.Genes, or None, got "):
+        learned.to_pandas(genes)
+
+
 def test_genes_called_like_other_columns(learned):
     with pytest.raises(ValueError, match="genes must not be called like other columns of the table: fitness, observation_0_1"):
         learned.to_pandas(Genes(fitness=(0, 1), observation_0_1=(0, 1)))
+
+
+@pytest.mark.parametrize(
+    ("described", "parameter"),
+    [
+        (auroraqd.Adaptation, "space"),
+        (auroraqd.AutoEncoder.fit, "x"),
+        (auroraqd.CVTArchive, "centroids"),
+        (auroraqd.GridArchive, "low"),
+        (auroraqd.Repertoire.reach, "observation"),
+        (auroraqd.tasks.Genes.scale, "genotypes"),
+        (auroraqd.tessellate, "samples"),
+    ],
+)
+def test_signatures_name_types_of_arrays_and_do_not_spell_them_out(described, parameter):
+    assert str(inspect.signature(described).parameters[parameter].annotation).startswith("ArrayLike")

@@ -65,6 +65,16 @@ def test_colors_correspond_to_places():
     assert two_dimensional_colors(np.ones((3, 2))).shape == (3, 3)
 
 
+def test_nothing_to_draw(tmp_path):
+    auroraqd.save(auroraqd.Aurora(2, "genotype"), tmp_path)
+    for figure in (repertoire_figure, fitness_figure):
+        with pytest.raises(
+            ValueError, match="the repertoire is empty, nothing was stored in its run: there is nothing to draw"
+        ):
+            figure(auroraqd.load(tmp_path))
+    assert [path.stem for path in write_figures(tmp_path)[::2]] == ["history"]
+
+
 def test_one_individual(tmp_path):
     found, _ = repertoire(
         lambda g: (np.zeros(len(g)), np.ones((len(g), 4, 2))), "genotype", tmp_path, resolution=auroraqd.Fixed(10.0)

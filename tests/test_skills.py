@@ -158,6 +158,27 @@ def test_other_trajectories_have_scenes_too(tmp_path):
     assert len(frames(command(["animate", str(tmp_path / "walk"), "--skill", "1"]))) == 6
 
 
+def test_folders_are_made_where_there_are_none(folder, tmp_path):
+    path = tmp_path / "no" / "such" / "a.gif"
+    assert command(["animate", str(folder), "--skill", "0", "--out", str(path)]) == str(path)
+    assert len(frames(path)) > 1
+
+
+@pytest.mark.parametrize("suffix", ["gif", "mp4"])
+def test_places_where_nothing_can_be_written(repertoire, tmp_path, suffix):
+    scene = scene_of({"task": "air-hockey"}, repertoire)
+    (tmp_path / "file").touch()
+    (tmp_path / f"a.{suffix}").mkdir()
+    for path, message in (
+        (tmp_path / "file" / f"a.{suffix}", "file must be a folder, and is a file"),
+        (tmp_path / "file" / "b" / f"a.{suffix}", "the folder .*file/b could not be created: Not a directory"),
+        (tmp_path / f"a.{suffix}", f"a.{suffix} must be a file, and is a folder"),
+        (tmp_path / f"{'a' * 300}.{suffix}", f"a.{suffix} could not be written: File name too long"),
+    ):
+        with pytest.raises(OSError, match=message):
+            animate(repertoire, scene, [0], path)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -179,6 +200,14 @@ def test_no_trajectories_no_skills(tmp_path):
         ["animate", str(tmp_path)], code=1
     )
     assert f"there is no folder {tmp_path / 'nowhere'}" in command(["animate", str(tmp_path / "nowhere")], code=1)
+
+
+def test_an_empty_repertoire_has_no_skills(tmp_path):
+    auroraqd.save(auroraqd.Aurora(2, "genotype", seed=0), tmp_path)
+    for options in ([], ["--skill", "0"]):
+        said = command(["animate", str(tmp_path), *options], code=1)
+        assert said == "Error: the repertoire is empty, nothing was stored in its run: there is no skill to show"
+    assert "0 individuals" in command(["show", str(tmp_path)])
 
 
 def test_old_pictures_go_when_a_run_is_replaced(tmp_path):

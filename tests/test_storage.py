@@ -167,3 +167,31 @@ def test_other_formats(folder):
         (folder / "history.csv").write_text(content)
         with pytest.raises(ValueError, match="damaged"):
             storage.load_history(folder)
+
+
+def test_what_is_no_run_and_no_folder(aurora, folder, tmp_path):
+    for wrong in (auroraqd.load(folder), None, "run"):
+        for call in (lambda w=wrong: auroraqd.save(w, tmp_path), lambda w=wrong: auroraqd.Checkpoints(w, tmp_path)):
+            with pytest.raises(TypeError, match=r"aurora must be a run, an auroraqd\.Aurora, got "):
+                call()
+    for call in (auroraqd.load, auroraqd.resume, storage.load_config, storage.load_history):
+        with pytest.raises(TypeError, match="folder must be a path, got None"):
+            call(None)
+    for call in (auroraqd.save, auroraqd.Checkpoints):
+        with pytest.raises(TypeError, match="folder must be a path, got 3"):
+            call(aurora, 3)
+
+
+@pytest.mark.parametrize("trusted", ["mymodule.MyEncoder", None, 3, [Foreign]])
+def test_trust_is_a_list_of_names(folder, trusted):
+    for call in (auroraqd.load, auroraqd.resume):
+        with pytest.raises(TypeError, match=r'trusted must be names of types, like \["mymodule.MyEncoder"\], got '):
+            call(folder, trusted=trusted)
+
+
+@pytest.mark.parametrize("name", ["selection", "variation", "schedule", "resolution"])
+def test_a_run_goes_on_with_strategies_only(folder, name):
+    for wrong in ("uniform", auroraqd.Uniform, *([] if name == "resolution" else [None])):
+        with pytest.raises(TypeError, match=f"{name} must be callable, an instance and not a class, got "):
+            auroraqd.resume(folder, **{name: wrong})
+    assert auroraqd.resume(folder, resolution=None).resolution is None

@@ -1,5 +1,6 @@
 """What arguments must be, and how to say what came: one sentence with the argument's name, what was wanted and what came."""
 
+import reprlib
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,45 @@ def number(name: str, value: Any, *, least: float = 0.0, most: float = np.inf, w
     if not (numeric and least <= value <= most and abs(value) < np.inf):
         raise ValueError(f"{name} must be a finite number, {wanted}, got {value!r}")
     return float(value)
+
+
+def numbers(name: str, values: Any, shape: str = "") -> np.ndarray:
+    """An array of float64.
+
+    Args:
+        name: of the argument.
+        values: what came.
+        shape: that is wanted, for the message: " of shape (n,)".
+
+    Raises:
+        ValueError: they are no numbers, or not rows of one shape. None is no number, and not NaN.
+    """
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind in "cmMSU" or (array.dtype.kind == "O" and any(entry is None for entry in array.flat)):
+            raise TypeError
+        return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers{shape}, got {reprlib.repr(values)}") from None
+
+
+def seeds_for(name: str, seeds: Any, n: int) -> np.ndarray:
+    """Seeds, one for each of n individuals, (n,) whole numbers.
+
+    Raises:
+        ValueError: they are something else.
+    """
+    try:
+        array = np.asarray(seeds)
+    except ValueError:  # not of one shape
+        array = np.asarray(None)
+    if seeds is None or array.shape != (n,):
+        came = "none" if seeds is None else f"shape {array.shape}" if array.ndim else reprlib.repr(seeds)
+        raise ValueError(f"{name} must have shape ({n},), got {came}")
+    # Python's own are of any size.
+    if array.dtype.kind not in "iu" and not (array.dtype.kind == "O" and all(type(seed) is int for seed in array)):
+        raise ValueError(f"{name} must be whole numbers, got {array.dtype} like {array[:1].tolist()[0] if n else array}")
+    return array
 
 
 def rows_of(shape: tuple[int, ...]) -> str:

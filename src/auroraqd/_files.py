@@ -10,9 +10,47 @@ from typing import Any, TypeVar
 _Row = TypeVar("_Row", bound=tuple)
 
 
+def as_path(name: str, value: Any) -> Path:
+    """A path, of what the user gave as one.
+
+    Raises:
+        TypeError: it is none.
+    """
+    try:
+        return Path(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a path, got {value!r}") from None
+
+
+def told(error: OSError, what: str) -> OSError:
+    """The same kind of error as a sentence, without the number: what could not be done, and why."""
+    sentence = type(error)(f"{what}: {error.strerror or error}")
+    sentence.errno = error.errno
+    return sentence
+
+
+def folder_at(path: Path) -> Path:
+    """A folder, created with those above it if need be.
+
+    Raises:
+        OSError: there cannot be one.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise NotADirectoryError(f"{path} must be a folder, and is a file") from None
+    except OSError as error:
+        raise told(error, f"the folder {path} could not be created") from None
+    return path
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Any]:
-    """A binary file that takes the place of `path` when it is complete and on disk, and not before."""
+    """A binary file that takes the place of `path` when it is complete and on disk, and not before.
+
+    Raises:
+        OSError: it cannot be written; what was there before stays.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:
@@ -20,8 +58,11 @@ def replacing(path: Path) -> Iterator[Any]:
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise told(error, f"{path} could not be written") from error
         raise
     _sync_folder(path.parent)
 

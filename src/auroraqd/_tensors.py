@@ -34,11 +34,8 @@ def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str) ->
     # One entry of metadata: of several, safetensors does not keep the order.
     content = bytearray(save({**contiguous, _CHECKSUM: np.zeros(_DIGEST, np.uint8)}, {form: text}))
     content[_place(content, _header(content))] = _digest(content)
-    try:
-        with replacing(path) as file:
-            file.write(content)
-    except OSError as error:
-        raise OSError(error.errno, f"{path} could not be written: {error.strerror}") from error
+    with replacing(path) as file:
+        file.write(content)
 
 
 def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:

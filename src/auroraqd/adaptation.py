@@ -9,6 +9,8 @@ have moved to, so that a skill that was made for another goal can be the one for
 [1] A. Cully, J. Clune, D. Tarapore, J.-B. Mouret, Robots that can adapt like animals, Nature 521, 2015.
 """
 
+from __future__ import annotations
+
 import warnings
 from typing import NamedTuple
 
@@ -17,7 +19,9 @@ from numpy.typing import ArrayLike
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Matern
 
-from auroraqd._checks import number, whole
+from auroraqd._checks import number, numbers, whole
+
+_MOST = 1e50  # of any number, so that neither squares nor shares of it overflow; and 1 / _MOST the least to divide by
 
 
 class Best(NamedTuple):
@@ -52,7 +56,7 @@ class Adaptation:
         noise: of a trial, as a share of the scale.
 
     Raises:
-        ValueError: an argument has the wrong shape, is not finite, or is out of range.
+        ValueError: an argument has the wrong shape, is not finite, is out of range, or beyond 1e50 in size.
     """
 
     def __init__(
@@ -66,27 +70,31 @@ class Adaptation:
         scale: ArrayLike | None = None,
         noise: float = 0.1,
     ):
-        space, promise = np.asarray(space, np.float64), np.asarray(promise, np.float64)
+        space, promise = numbers("space", space, " of shape (n, d)"), numbers("promise", promise)
         if space.ndim != 2 or space.size == 0:
-            raise ValueError(f"space must have shape (n, d), got {space.shape}")
+            raise ValueError(f"space must have shape (n, d), with at least one skill, got {space.shape}")
         if promise.ndim != (1 if goal is None else 2) or len(promise) != len(space):
             wanted = f"({len(space)},)" if goal is None else f"({len(space)}, m), for there is a goal"
             raise ValueError(f"promise must have shape {wanted}, got {promise.shape}")
-        self._goal = None if goal is None else np.asarray(goal, np.float64)
+        self._goal = None if goal is None else numbers("goal", goal)
         if self._goal is not None and (self._goal.shape != promise.shape[1:] or not np.isfinite(self._goal).all()):
             raise ValueError(f"goal must be {promise.shape[1]} finite numbers, as an outcome, got {goal!r}")
-        if not (np.isfinite(space).all() and np.isfinite(promise).all()):
-            raise ValueError("space and promise must be finite")
-        self._kappa = number("kappa", kappa)
+        for name, values in (("space", space), ("promise", promise), ("goal", self._goal)):
+            if values is not None and not (np.abs(values) <= _MOST).all():
+                worst = values[~(np.abs(values) <= _MOST)][0]
+                raise ValueError(f"{name} must be finite, and at most {_MOST:g} in size, got {worst:g}")
+        self._kappa = number("kappa", kappa, most=_MOST, wanted=f"from 0 to {_MOST:g}")
         self._space = space / (_spread(space) * np.sqrt(space.shape[1]))
         self._promise = promise.reshape(len(space), -1)
         spread = _spread(self._promise)
-        self._scale = spread if scale is None else np.asarray(scale, np.float64)
-        if self._scale.shape not in ((), spread.shape) or not ((self._scale > 0) & np.isfinite(self._scale)).all():
-            raise ValueError(f"scale must be one positive number, or {len(spread)}, got {scale!r}")
+        self._scale = spread if scale is None else numbers("scale", scale)
+        if self._scale.shape not in ((), spread.shape) or not ((self._scale >= 1 / _MOST) & (self._scale <= _MOST)).all():
+            wanted = f"one positive number, or {len(spread)}, from {1 / _MOST:g} to {_MOST:g}"
+            raise ValueError(f"scale must be {wanted}, got {scale!r}")
         self._scale = np.broadcast_to(self._scale, spread.shape)
-        kernel = Matern(number("length", length, least=1e-6, wanted="1e-6 or more"), "fixed", nu=2.5)
-        variance = number("noise", noise, least=1e-4, wanted="1e-4 or more, or copies have no inverse") ** 2
+        kernel = Matern(number("length", length, least=1e-6, most=_MOST, wanted=f"from 1e-6 to {_MOST:g}"), "fixed", nu=2.5)
+        wanted = f"from 1e-4, or copies have no inverse, to {_MOST:g}"
+        variance = number("noise", noise, least=1e-4, most=_MOST, wanted=wanted) ** 2
         self._model = GaussianProcessRegressor(kernel, alpha=variance, optimizer=None)  # pyright: ignore[reportArgumentType] - its stub
         self._rows: list[int] = []
         self._outcomes: list[np.ndarray] = []
@@ -116,14 +124,19 @@ class Adaptation:
                 nothing is learned from it but not to ask for this skill again.
 
         Raises:
-            ValueError: there is no such row, or the outcome has the wrong shape or an infinity.
+            ValueError: there is no such row, or the outcome has the wrong shape, or entries beyond 1e50 in size.
         """
         row = whole("row", row, least=0, most=len(self._tried) - 1)
-        told, columns = np.asarray(outcome, np.float64).reshape(-1), self._promise.shape[1]
+        columns = self._promise.shape[1]
+        wanted = "a number" if self._goal is None else f"{columns} numbers, as promised"
+        wanted = f"outcome must be {wanted}, finite and at most {_MOST:g} in size, or NaN for a trial that failed, got"
+        try:
+            told = numbers("outcome", outcome).reshape(-1)
+        except ValueError:
+            raise ValueError(f"{wanted} {outcome!r}") from None
         failed = bool(np.isnan(told).any())
-        if np.isinf(told).any() or (len(told) != columns and not (failed and len(told) == 1)):
-            wanted = "a number" if self._goal is None else f"{columns} numbers, as promised"
-            raise ValueError(f"outcome must be {wanted}, finite or NaN, got {outcome!r}")
+        if (np.abs(told) > _MOST).any() or (len(told) != columns and not (failed and len(told) == 1)):
+            raise ValueError(f"{wanted} {outcome!r}")
         self._tried[row] = True
         if not failed:
             self._rows.append(row)
@@ -181,5 +194,5 @@ class Adaptation:
 
 
 def _spread(rows: np.ndarray) -> np.ndarray:
-    """Standard deviation of each column, to divide by: that of a constant is 1."""
-    return np.where(np.ptp(rows, axis=0) > 0, rows.std(axis=0), 1.0)
+    """Standard deviation of each column, to divide by: that of a constant, or of what is all but one, is 1."""
+    return np.where(np.ptp(rows, axis=0) > 1 / _MOST, np.maximum(rows.std(axis=0), 1 / _MOST), 1.0)

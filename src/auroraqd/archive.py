@@ -6,6 +6,8 @@ promises; `UnstructuredArchive` is the container of Novelty Search with Local Co
 Fitness is maximised. Columns share their rows: row i of `genotype`, `fitness`, ... is one individual.
 """
 
+from __future__ import annotations
+
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

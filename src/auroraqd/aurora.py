@@ -5,6 +5,8 @@ Quality-Diversity search whose behavioural descriptor is learned from the sensor
 [1] A. Cully, Autonomous skill discovery with Quality-Diversity and Unsupervised Descriptors, GECCO 2019.
 """
 
+from __future__ import annotations
+
 import time
 import warnings
 from collections.abc import Callable
@@ -60,7 +62,7 @@ class Aurora:
     def __init__(
         self,
         n_genes: int,
-        descriptor: "str | Transformer",
+        descriptor: str | Transformer,
         *,
         seed: int | None = None,
         batch_size: int = 200,
@@ -201,8 +203,8 @@ class Aurora:
         evaluations: int | None = None,
         seconds: float | None = None,
         initial: ArrayLike | None = None,
-        callback: "Callable[[Aurora], Any] | None" = None,
-    ) -> "Aurora":
+        callback: Callable[[Aurora], Any] | None = None,
+    ) -> Aurora:
         """Evaluate generations on a task until a budget is used up. Called again, it goes on.
 
         It can be interrupted (Ctrl-C) at any time: what was found stays, and the next call goes on with the generation that
@@ -342,7 +344,7 @@ class Aurora:
         self._seconds += time.perf_counter() - pending.since
         self._record()
 
-    def _renewal(self, individuals: Batch) -> "_Renewal | None":
+    def _renewal(self, individuals: Batch) -> _Renewal | None:
         """The descriptor refitted, if it is learned, and all that is stored described by it (paper, Sec. "AURORA").
 
         While nothing is stored, from the individuals about to be added; None when there are none either.
@@ -362,7 +364,7 @@ class Aurora:
         l = None if self.resolution is None else number(f"what {self.resolution} gives for l", self.resolution(values))
         return _Renewal(descriptor, values if stored else values[:0], error if stored else None, l)
 
-    def _renew(self, renewal: "_Renewal") -> None:
+    def _renew(self, renewal: _Renewal) -> None:
         """Take over a new descriptor: redefine l and add all again."""
         options = {} if renewal.l is None else {"l": renewal.l}
         self.archive.redescribe(renewal.values, reconstruction_error=renewal.error, **options)

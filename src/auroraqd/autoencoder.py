@@ -9,6 +9,8 @@ one place and small ones in another, and an archive, which spaces individuals ev
 behaviours unevenly. `isometry` weighs a term that keeps distances: see `auroraqd.training.distortion`.
 """
 
+from __future__ import annotations
+
 import math
 import time
 import warnings
@@ -22,7 +24,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
-from auroraqd._checks import finite_rows, number, rows_of, whole
+from auroraqd._checks import finite_rows, number, numbers, rows_of, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.scaling import Scaler, Scaling
 
@@ -30,12 +32,12 @@ if TYPE_CHECKING:
     from auroraqd.networks import AutoEncoderNetwork
     from auroraqd.training import Progress, Protocol
 
-_listener: ContextVar[Callable[["Progress"], Any] | None] = ContextVar("listener", default=None)
+_listener: ContextVar[Callable[[Progress], Any] | None] = ContextVar("listener", default=None)
 _VERBOSE_GAP = 5.0  # s
 
 
 @contextmanager
-def listening(listener: Callable[["Progress"], Any]) -> Iterator[None]:
+def listening(listener: Callable[[Progress], Any]) -> Iterator[None]:
     """Within this block, have every training report to `listener`, about twice a second.
 
     Args:
@@ -133,7 +135,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self.random_state = random_state
 
     @classmethod
-    def paper(cls, n_components: int = 2, **options: Any) -> "AutoEncoder":
+    def paper(cls, n_components: int = 2, **options: Any) -> AutoEncoder:
         """The protocol of the paper, with the constants of the authors' re-released example: hours of training.
 
         Adagrad 0.1 on all rows at once, up to 25,000 epochs a repeat, validation error averaged over 500 epochs, the
@@ -156,7 +158,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         }
         return cls(n_components, **{**literal, **options})
 
-    def fit(self, x: ArrayLike, y: object = None) -> "AutoEncoder":
+    def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
 
         Raises:
@@ -221,7 +223,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             ValueError: wrong shape.
         """
         scaler, network = self._in_use()
-        z = np.asarray(z, np.float64)
+        z = numbers("z", z)
         n_components = self.architecture_["n_components"]
         if z.ndim != 2 or z.shape[1] != n_components:
             raise ValueError(f"z must have shape (n, {n_components}), got {z.shape}")
@@ -236,7 +238,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         state: Any = super().__getstate__()
         return {name: value for name, value in state.items() if name != "_use"}
 
-    def _protocol(self) -> "Protocol":
+    def _protocol(self) -> Protocol:
         from auroraqd.training import Protocol
 
         whole("n_components", self.n_components)
@@ -268,7 +270,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         hidden = [whole("hidden", width) for width in self.hidden] if self.network == "mlp" else []
         return {"kind": self.network, "shape": list(shape), "n_components": int(self.n_components), "hidden": hidden}
 
-    def _in_use(self) -> tuple[Scaler, "AutoEncoderNetwork"]:
+    def _in_use(self) -> tuple[Scaler, AutoEncoderNetwork]:
         """The fitted network in float64: then a copy described in a batch of another size differs in its last bits only,
         which is what the archive's margin for copies is made for.
         """
@@ -282,7 +284,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         assert self._use is not None
         return self._use
 
-    def _listener(self) -> Callable[["Progress"], Any] | None:
+    def _listener(self) -> Callable[[Progress], Any] | None:
         return _Printer() if self.verbose else _listener.get()
 
 
@@ -292,7 +294,7 @@ class _Printer:
     def __init__(self) -> None:
         self._next = 0.0
 
-    def __call__(self, progress: "Progress") -> None:
+    def __call__(self, progress: Progress) -> None:
         if time.monotonic() >= self._next or progress.epoch == progress.max_epochs:
             print(progress)
             self._next = time.monotonic() + _VERBOSE_GAP

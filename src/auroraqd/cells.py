@@ -6,6 +6,8 @@ a box into equal parts; `auroraqd.cvt.CVTArchive` has cells of any shape in any 
 [1] J.-B. Mouret, J. Clune, Illuminating search spaces by mapping elites, arXiv:1504.04909, 2015.
 """
 
+from __future__ import annotations
+
 from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import whole
+from auroraqd._checks import numbers, whole
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive
 
 
@@ -60,7 +62,7 @@ class CellArchive(Archive):
         Raises:
             ValueError: wrong shape, or a NaN or an infinity.
         """
-        values = np.asarray(descriptor, np.float64)
+        values = numbers("descriptor", descriptor, f" of shape (n, {self.n_dimensions})")
         if values.ndim != 2:
             raise ValueError(f"descriptor must have shape (n, {self.n_dimensions}), got {values.shape}")
         if not np.isfinite(values).all():

@@ -7,13 +7,13 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
 
 from auroraqd import _transformers, storage
 from auroraqd._checks import number
+from auroraqd._files import as_path, folder_at, told
 from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
 from auroraqd.state import settings_of
@@ -43,6 +43,7 @@ class Checkpoints:
             on, and it is tried again. By default a warning.
 
     Raises:
+        TypeError: the run or the folder is something else.
         ValueError: the descriptor cannot be saved; there is another run in the folder; `every` is negative.
         BlockingIOError: another process has a run in the folder.
         RuntimeError: it is opened twice, or called when it is not open.
@@ -59,8 +60,9 @@ class Checkpoints:
         overwrite: bool = False,
         report: Callable[[str], Any] = lambda text: warnings.warn(text, stacklevel=4),
     ) -> None:
+        storage.check_run(aurora)
         self.aurora = aurora
-        self.folder = Path(folder).absolute()  # a task may change the current folder
+        self.folder = as_path("folder", folder).absolute()  # a task may change the current folder
         self._every = number("every", every)
         self._config = config
         self._overwrite = overwrite
@@ -76,14 +78,13 @@ class Checkpoints:
             raise RuntimeError("these checkpoints are open already: one `with` block at a time")
         if not isinstance(self.aurora.descriptor.source, str):
             _transformers.check(self.aurora.descriptor.source)
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except FileExistsError:
-            raise NotADirectoryError(f"{self.folder} must be a folder, and is a file") from None
+        folder_at(self.folder)
         try:
             self._lock.acquire()
         except Timeout:
             raise BlockingIOError(f"{self.folder} is in use: another process has a run there") from None
+        except OSError as error:
+            raise told(error, f"nothing can be written into {self.folder}") from None
         try:
             self._keep = self._goes_on()
             self._first = not (self.folder / storage.CONFIG).exists()

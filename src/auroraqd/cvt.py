@@ -7,6 +7,8 @@ The centroids of a centroidal Voronoi tessellation are spread like samples of th
 Multidimensional Archive of Phenotypic Elites Algorithm, IEEE TEVC 2018.
 """
 
+from __future__ import annotations
+
 import contextlib
 import hashlib
 import os
@@ -116,7 +118,7 @@ class CVTArchive(CellArchive):
         ValueError: wrong shape, or a NaN or an infinity.
     """
 
-    def __init__(self, centroids: "ArrayLike | Tessellation") -> None:
+    def __init__(self, centroids: ArrayLike | Tessellation) -> None:
         super().__init__()
         given = centroids.centroids if isinstance(centroids, Tessellation) else centroids
         points = _points("centroids", given)

@@ -43,6 +43,7 @@ def dask(client: Any) -> Callable[[], Executor]:
         client: a `distributed.Client`, or the address of a scheduler, like "tcp://node1:8786".
 
     Raises:
+        TypeError: the client is something else.
         ValueError: the extra is not installed, or there is no scheduler there.
     """
     try:
@@ -57,6 +58,8 @@ def dask(client: Any) -> Callable[[], Executor]:
             client = Client(address, timeout=_CONNECT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise ValueError(f"there is no Dask scheduler at {address}: {error}") from None
+    if not isinstance(client, Client):
+        raise TypeError(f"client must be a distributed.Client, or the address of a scheduler, got {client!r}")
     return partial(_DaskExecutor, client)
 
 

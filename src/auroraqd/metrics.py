@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from auroraqd._checks import whole
+from auroraqd._checks import number, numbers, whole
 
 _EMPTY = 1e-8  # what the probability of an empty bin of the compared repertoire counts as
 _MOST_BINS = 10**8
@@ -86,13 +86,14 @@ def squares(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high
     For the parameters, and what is raised, see `diversity`.
     """
     bins = whole("bins", bins)
-    trajectories = np.asarray(trajectories, np.float64)
+    trajectories = numbers("trajectories", trajectories)
     if trajectories.ndim != 3 or trajectories.shape[2] != 2 or trajectories.shape[1] == 0:
         raise ValueError(f"trajectories must have shape (n, steps, 2) with steps >= 1, got {trajectories.shape}")
     if not np.isfinite(trajectories).all():
         raise ValueError("trajectories must be finite, got a NaN or an infinity")
+    low, high = (number(name, value, least=-np.inf, wanted="a wall") for name, value in (("low", low), ("high", high)))
     if not low < high:
-        raise ValueError(f"low must be below high, got {low} and {high}")
+        raise ValueError(f"low must be below high, got {low:g} and {high:g}")
     place = np.clip(np.floor((trajectories - low) / (high - low) * bins), 0, bins - 1).astype(np.int64)
     return place[:, :, 0] * bins + place[:, :, 1]
 
@@ -103,8 +104,8 @@ def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) ->
     Raises:
         ValueError: not of one shape.
     """
-    observation, reconstruction = np.asarray(observation, np.float64), np.asarray(reconstruction, np.float64)
-    if observation.shape != reconstruction.shape or observation.ndim < 2:
+    observation, reconstruction = numbers("observation", observation), numbers("reconstruction", reconstruction)
+    if observation.shape != reconstruction.shape or observation.ndim < 2 or 0 in observation.shape[1:]:
         raise ValueError(
             f"observation and reconstruction must have one shape (n, ...), got {observation.shape} and {reconstruction.shape}"
         )
@@ -112,7 +113,7 @@ def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) ->
 
 
 def _points(name: str, values: np.ndarray) -> np.ndarray:
-    values = np.asarray(values, np.float64)
+    values = numbers(name, values)
     if values.ndim != 2 or len(values) == 0:
         raise ValueError(f"{name} must have shape (n, d) with n >= 1, got {values.shape}")
     if not np.isfinite(values).all():

@@ -1,12 +1,15 @@
 """The repertoire: what the user takes away from a run."""
 
+from __future__ import annotations
+
+import reprlib
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import in_short, whole
+from auroraqd._checks import in_short, numbers, whole
 from auroraqd.descriptor import Descriptor
 from auroraqd.scaling import Scaling
 from auroraqd.tasks import Evaluation, Genes, evaluated
@@ -136,6 +139,7 @@ class Repertoire:
             RuntimeError: the descriptor is not learned.
             ValueError: wrong shape; or the transformer is of a type that is not trusted, see `auroraqd.load`.
         """
+        numbers("observation", observation)  # or it raises; they stay of the dtype that they are
         return self._loaded().describe_observation(np.asarray(observation))
 
     def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
@@ -143,9 +147,12 @@ class Repertoire:
 
         Raises:
             RuntimeError: the descriptor is not learned, or has no `inverse_transform`.
-            ValueError: the transformer is of a type that is not trusted, see `auroraqd.load`.
+            ValueError: wrong shape; or the transformer is of a type that is not trusted, see `auroraqd.load`.
         """
-        return self._loaded().reconstruct(np.asarray(descriptor, np.float64))
+        places, d = numbers("descriptor", descriptor), self.descriptor.shape[1]
+        if len(self) and (places.ndim != 2 or places.shape[1] != d):
+            raise ValueError(f"descriptor must have shape (n, {d}), as those of the repertoire, got {places.shape}")
+        return self._loaded().reconstruct(places)
 
     def reach(self, observation: ArrayLike, k: int = 1) -> Reached:
         """The k skills whose outcome is closest to a desired one.
@@ -158,11 +165,12 @@ class Repertoire:
             k: how many.
 
         Raises:
-            ValueError: wrong shape, an infinity, nothing but NaN, or k larger than the repertoire; or the transformer is of a
-                type that is not trusted, see `auroraqd.load`.
+            ValueError: wrong shape, an infinity, nothing but NaN, or k larger than the repertoire, which must not be empty; or
+                the transformer is of a type that is not trusted, see `auroraqd.load`.
         """
+        self._check_any("reach")
         whole("k", k, most=len(self))
-        wanted, shape = np.asarray(observation, np.float64), self.observation.shape[1:]
+        wanted, shape = numbers("observation", observation), self.observation.shape[1:]
         if wanted.shape != shape:
             raise ValueError(f"observation must have shape {shape}, as those of the repertoire, got {wanted.shape}")
         given = ~np.isnan(wanted)
@@ -198,10 +206,12 @@ class Repertoire:
         Raises:
             IndexError, ValueError: there are no such rows, or an argument is out of range.
             TaskError: the task raised, or returned something else than promised.
+            TypeError: the task cannot be called.
         """
-        chosen = np.arange(len(self)) if rows is None else np.atleast_1d(np.asarray(rows))
-        if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
-            raise ValueError(f"rows must be whole numbers of shape (n,), got shape {chosen.shape} of {chosen.dtype}")
+        if not callable(task):
+            raise TypeError(f"task must be callable, got {task!r}")
+        self._check_any("evaluate")
+        chosen = np.arange(len(self)) if rows is None else self._rows(rows)
         genotype, stored = self.genotype[chosen], self.observation[chosen]
         seeds = other_seeds(whole("seed", seed, least=0), whole("times", times) * len(chosen)).reshape(times, len(chosen))
         found = []
@@ -218,7 +228,7 @@ class Repertoire:
         truths = [evaluation.ground_truth for evaluation in found if evaluation.ground_truth is not None]
         return Again(fitness, observation, error, np.stack(truths, axis=1) if truths else None)
 
-    def to_pandas(self, genes: Genes | None = None, observation: bool = True) -> "pandas.DataFrame":
+    def to_pandas(self, genes: Genes | None = None, observation: bool = True) -> pandas.DataFrame:
         """A table, a skill a row, which pandas writes to CSV, Parquet and others. Needs pandas, the extra `tables`.
 
         Args:
@@ -226,8 +236,11 @@ class Repertoire:
             observation: whether its entries are columns too: observation_0_1, ...
 
         Raises:
+            TypeError: genes are something else.
             ValueError: pandas is not installed, or genes are of another number, or called like another column.
         """
+        if genes is not None and not isinstance(genes, Genes):
+            raise TypeError(f"genes must be auroraqd.tasks.Genes, or None, got {genes!r}")
         try:
             import pandas
         except ImportError:
@@ -244,8 +257,27 @@ class Repertoire:
         twice = [] if genes is None else [name for name in genes.names if name in others]
         if twice:
             raise ValueError(f"genes must not be called like other columns of the table: {', '.join(twice)}")
-        named = {} if genes is None else dict(zip(genes.names, genes.scale(self.genotype).T, strict=True))
+        # Of a run that has stored nothing, it is not known how many genes there are.
+        genotype = self.genotype if genes is None or len(self) else np.empty((0, len(genes)))
+        named = {} if genes is None else dict(zip(genes.names, genes.scale(genotype).T, strict=True))
         return pandas.DataFrame({**named, **others})
+
+    def _check_any(self, purpose: str) -> None:
+        if len(self) == 0:
+            raise ValueError(f"the repertoire is empty, nothing was stored in its run: there is no skill to {purpose}")
+
+    def _rows(self, rows: ArrayLike) -> np.ndarray:
+        """Rows that there are, (n,), of which there must be one."""
+        try:
+            chosen = np.atleast_1d(np.asarray(rows))
+        except ValueError:
+            chosen = np.empty((0, 0))
+        if chosen.ndim != 1 or chosen.size == 0 or chosen.dtype.kind not in "iu":
+            raise ValueError(f"rows must be whole numbers of shape (n,), at least one, got {reprlib.repr(rows)}")
+        wrong = chosen[(chosen < -len(self)) | (chosen >= len(self))]
+        if len(wrong):
+            raise IndexError(f"rows must be of the repertoire, 0 to {len(self) - 1}, got {wrong[0]}")
+        return chosen
 
     def _loaded(self) -> Descriptor:
         if self._descriptor is None:
@@ -262,6 +294,8 @@ def diverse(descriptor: np.ndarray, n: int) -> np.ndarray:
         descriptor: (m, d).
         n: how many.
     """
+    if len(descriptor) == 0:
+        return np.empty(0, np.int64)
     chosen: list[int] = []
     distance = _squared(descriptor, descriptor.mean(axis=0))
     while len(chosen) < min(n, len(descriptor)) and not (chosen and distance.max() == 0):

@@ -16,8 +16,9 @@ import json
 import math
 import os
 import platform
+import reprlib
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from auroraqd import _tensors, _transformers
-from auroraqd._files import read_table, replacing
+from auroraqd._files import as_path, folder_at, read_table, replacing
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import OBSERVATION, Descriptor
 from auroraqd.history import Record
@@ -57,16 +58,31 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
 
     Raises:
         OSError: it cannot be written.
+        TypeError: the run or the folder is something else.
     """
-    folder = Path(folder)
+    folder = as_path("folder", folder)
+    check_run(aurora)
     write(aurora, folder, config)
     (folder / PREVIOUS).unlink(missing_ok=True)  # it may be of another run
     return folder
 
 
+def check_run(aurora: Any) -> None:
+    """Raise TypeError unless it is a run: a repertoire alone cannot go on."""
+    if not isinstance(aurora, Aurora):
+        raise TypeError(f"aurora must be a run, an auroraqd.Aurora, got {reprlib.repr(aurora)}")
+
+
+def _checked_trust(trusted: Any) -> list[str]:
+    names = [trusted] if not isinstance(trusted, Iterable) else list(trusted)
+    if isinstance(trusted, str) or not all(isinstance(name, str) for name in names):
+        raise TypeError(f'trusted must be names of types, like ["mymodule.MyEncoder"], got {trusted!r}')
+    return names
+
+
 def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, keep: bool = False) -> None:
     """As `save`; if `keep`, the checkpoint that is there becomes the one before."""
-    folder.mkdir(parents=True, exist_ok=True)
+    folder_at(folder)
     _write(folder / HISTORY, _history_csv(aurora.history.records))
     if keep:
         _keep(folder)
@@ -102,12 +118,14 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
             for instance `["mymodule.MyEncoder"]`. Needed by `Repertoire.describe` only.
 
     Raises:
+        TypeError: an argument is of the wrong kind.
         FileNotFoundError: the folder, or the repertoire in it, does not exist.
         ValueError: the repertoire is damaged, and so is the checkpoint before it; or it is of another format.
 
     Warns:
         UserWarning: it is damaged, and the checkpoint before it is taken.
     """
+    trusted = _checked_trust(trusted)
     arrays, kind = _read(folder)
     columns = {name: arrays[name] for name in (*REQUIRED, *OPTIONAL) if name in arrays}
     return Repertoire(columns, lambda: _descriptor(kind, arrays, trusted))
@@ -125,6 +143,7 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
             Those that are not auroraqd's own must be given.
 
     Raises:
+        TypeError: an argument is of the wrong kind.
         FileNotFoundError: there is no such run.
         ValueError: the run is damaged, of another format, version or machine, or needs a part that is not given.
 
@@ -136,6 +155,10 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
         raise TypeError(
             f"resume takes a selection, variation, resolution, schedule or archive, not {', '.join(sorted(unknown))}"
         )
+    for name in set(parts) - {"archive"}:
+        if not (callable(parts[name]) and not isinstance(parts[name], type)) and (name, parts[name]) != ("resolution", None):
+            raise TypeError(f"{name} must be callable, an instance and not a class, got {parts[name]!r}")
+    trusted = _checked_trust(trusted)
     arrays, kind = _read(folder)
     if not any_environment:
         _check_environment(folder, load_config(folder).get("environment", {}))
@@ -223,7 +246,7 @@ def _read(folder: str | os.PathLike) -> tuple[dict[str, np.ndarray], str]:
 
 def _last(folder: str | os.PathLike) -> tuple[tuple[dict[str, np.ndarray], str], Exception | None]:
     """The last checkpoint that is whole, and what is wrong with the one after it, if there is one."""
-    previous = Path(folder) / PREVIOUS
+    previous = as_path("folder", folder) / PREVIOUS
     try:
         return _tensors.read(_existing(folder, REPERTOIRE), _FORMAT), None
     except (ValueError, FileNotFoundError) as error:
@@ -283,7 +306,7 @@ def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], trusted: Sequence[s
 
 
 def _existing(folder: str | os.PathLike, name: str) -> Path:
-    if not Path(folder).is_dir():
+    if not as_path("folder", folder).is_dir():
         raise FileNotFoundError(f"there is no folder {os.fspath(folder)}")
     path = Path(folder) / name
     if not path.is_file():
@@ -292,8 +315,5 @@ def _existing(folder: str | os.PathLike, name: str) -> Path:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
-        with replacing(path) as file:
-            file.write(text.encode())
-    except OSError as error:
-        raise OSError(error.errno, f"{path} could not be written: {error.strerror}") from error
+    with replacing(path) as file:
+        file.write(text.encode())

@@ -41,7 +41,9 @@ def main() -> None:
     warnings.showwarning = lambda message, *_, **__: errors.print(f"Warning: {message}", highlight=False)
     try:
         app(standalone_mode=True)
-    except (UserError, ValueError, OSError) as error:
+    except OSError as error:  # one that nobody made a sentence of has a number and a file
+        _fail(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
+    except (UserError, ValueError) as error:
         _fail(str(error))
     except MemoryError as error:
         _fail(f"there is not enough memory: {error}")

@@ -30,9 +30,13 @@ class UserError(Exception):
     """A mistake of the user's, or trouble with their files: shown as one sentence."""
 
 
-def busy(text: str) -> AbstractContextManager[Any]:
-    """Say what takes long, on a terminal."""
-    return console.status(text) if console.is_terminal else nullcontext()
+def busy(text: str, *, log: bool = False) -> AbstractContextManager[Any]:
+    """Say what takes long, on a terminal; elsewhere in a line, if it is worth one in a log."""
+    if console.is_terminal:
+        return console.status(text)
+    if log:
+        console.print(text, highlight=False, soft_wrap=True)
+    return nullcontext()
 
 
 @contextmanager

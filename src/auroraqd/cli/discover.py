@@ -240,7 +240,7 @@ def _grow(
     )
     with checkpoints:
         try:
-            with busy("compiling, which takes some 10 s the first time"):
+            with busy("compiling kernels, which takes some 10 s the first time", log=True):
                 compile_kernels(settings)
             with RunProgress(console, settings.generations, aurora.evaluations) as progress, listening(progress.training):
 

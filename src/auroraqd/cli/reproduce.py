@@ -81,6 +81,7 @@ def _reproduce(
     scheduler: str | None,
     out: Path,
 ) -> None:
+    from auroraqd._files import folder_at
     from auroraqd._workers import cores
     from auroraqd.evaluate import dask
     from auroraqd.experiments.ledger import Ledger
@@ -90,7 +91,7 @@ def _reproduce(
     cluster: Any = None if scheduler is None else dask(scheduler)()
     ledger = Ledger(out if cluster is None else out.resolve())
     jobs, settings = plan(ledger, experiment, names, replications, experiment.base(generations))
-    out.mkdir(parents=True, exist_ok=True)
+    folder_at(out)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console.print(f"{len(jobs)} runs to do, {len(ledger.results)} done before; results in {out}", highlight=False)
     failed: list[str] = []
@@ -127,7 +128,7 @@ def _prepare(settings: "Mapping[str, Settings]", jobs: "Sequence[Job]") -> None:
     from auroraqd.experiments.settings import CVT
 
     needed = {job.variant for job in jobs}
-    with busy("preparing: kernels, centroids"):
+    with busy("preparing: kernels, centroids", log=True):
         for name in needed:
             if isinstance(settings[name].archive, CVT):
                 settings[name].build()

@@ -54,7 +54,6 @@ def animate(
             f"task {task} has {robot.n_genes} genes, and the skills in {folder} have {repertoire.genotype.shape[1]}"
         )
     path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
-    path.parent.mkdir(exist_ok=True)
     with busy("drawing") as status:
 
         def drawn(done: int, frames: int) -> None:
@@ -93,10 +92,14 @@ def report(folder: Path, figures: bool) -> None:
 
     repertoire, records = storage.load(folder), storage.load_history(folder)
     files = [folder / name for name in (storage.CONFIG, storage.HISTORY, storage.REPERTOIRE)]
+    trouble = None
     if figures:
         from auroraqd.report import write_figures
 
-        files += write_figures(folder)
+        try:
+            files += write_figures(folder)
+        except OSError as error:  # what was found is shown all the same
+            trouble = error
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
@@ -105,6 +108,8 @@ def report(folder: Path, figures: bool) -> None:
     for index, path in enumerate(files):
         table.add_row("" if index else "files", str(path))
     console.print(table, highlight=False)
+    if trouble is not None:
+        raise UserError(f"the figures could not be drawn, --no-figures leaves them out: {trouble}")
 
 
 def _what_ran(config: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from auroraqd._files import read_table, replacing
+from auroraqd._files import folder_at, read_table, replacing
 from auroraqd.experiments.replication import Point, Result
 from auroraqd.experiments.settings import Settings
 
@@ -83,7 +83,7 @@ class Ledger:
         kept = [p for p in self.points if (p.variant, p.replication) != run]
         self.points = sorted([*kept, *points], key=lambda p: p[:3])
         self._settings[result.variant] = _comparable(settings)
-        self.folder.mkdir(parents=True, exist_ok=True)
+        folder_at(self.folder)
         _write(self.folder / SETTINGS, json.dumps(dict(sorted(self._settings.items())), indent=1) + "\n")
         _write(self.folder / CURVES, _csv(Point, self.points))
         _write(self.folder / RUNS, _csv(Result, self.results))  # last: what it lists is done

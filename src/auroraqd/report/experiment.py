@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from auroraqd import storage
-from auroraqd._files import replacing
+from auroraqd._files import folder_at, replacing
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Diversity
 from auroraqd.experiments.replication import Point
@@ -30,8 +30,7 @@ _FORMS = {"size": "{:,.0f}", "rmse": "{:.4f}", "rmse_metres": "{:#.3g}", "second
 
 def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
     """Write tables and figures beside the results; returns the files."""
-    figures = ledger.folder / storage.FIGURES
-    figures.mkdir(parents=True, exist_ok=True)
+    figures = folder_at(ledger.folder / storage.FIGURES)
     written = []
     for name, text in ((SUMMARY_CSV, summary_csv(ledger, experiment)), (SUMMARY_MD, summary_markdown(ledger, experiment))):
         written.append(ledger.folder / name)

@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from auroraqd._checks import numbers
+from auroraqd._files import as_path
 from auroraqd.report.videos import LAST, arrangement, video
-from auroraqd.tasks import Gym
+from auroraqd.tasks import Gym, name_of
 
 _WIDTH, _HEIGHT = 320, 240  # pixels of a panel
 _RATE = 25.0  # most frames a second
@@ -48,16 +50,22 @@ def film(
         listener: told how many frames of how many are drawn.
 
     Raises:
-        ValueError: the task is not of MuJoCo, there is nothing to draw, with or into, or an argument has another shape.
+        ValueError: the task is not of MuJoCo, there is nothing to draw, or to draw with or into, or an argument has another
+            shape.
+        TypeError: the path is none.
         OSError: it cannot be written.
     """
-    if task.model is None:
-        raise ValueError(f"task {task.__name__} is not of MuJoCo, which would draw it")
-    if len(genotypes) == 0:
-        raise ValueError("genotypes must have at least one row")
+    if getattr(task, "model", None) is None:
+        raise ValueError(f"task {name_of(task)} is not of MuJoCo, which would draw it")
+    if len(_moving(task.model)) == 0:
+        raise ValueError(f"task {name_of(task)} has nothing to film: no body that moves has a geom, in its model of MuJoCo")
+    path, genotypes = as_path("path", path), numbers("genotypes", genotypes, " of shape (n, n_genes)")
+    if genotypes.ndim != 2 or len(genotypes) == 0:
+        raise ValueError(f"genotypes must have shape (n, n_genes), with at least one row, got {genotypes.shape}")
     names = [f"skill {row}" for row in range(len(genotypes))] if names is None else names
-    if len(names) != len(genotypes):
-        raise ValueError(f"names must be {len(genotypes)}, one for each genotype, got {len(names)}")
+    if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray) or len(names) != len(genotypes):
+        came = len(names) if isinstance(names, Sequence | np.ndarray) and not isinstance(names, str) else repr(names)
+        raise ValueError(f"names must be {len(genotypes)}, one for each genotype, got {came}")
     poses = task.episode(genotypes, seeds).qpos
     if not np.isfinite(poses).all():
         raise ValueError(f"genotypes must be of valid individuals, and row {_first_bad(poses)} is not")
@@ -68,7 +76,7 @@ def film(
     figure, images = _panels(names)
     studio = Studio(task.model, poses[:, shown])
     try:
-        with video(figure, Path(path), rate) as add:
+        with video(figure, path, rate) as add:
             for done, frame in enumerate(frames):
                 listener(done, len(frames))
                 for row, image in enumerate(images):
@@ -123,9 +131,7 @@ class Studio:
         self._scene = self._mujoco.MjvScene(self._model, maxgeom=2000 + poses.shape[1])
         self._drawing = self._mujoco.MjrContext(self._model, self._mujoco.mjtFontScale.mjFONTSCALE_100.value)
         self._mujoco.mjr_setBuffer(self._mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
-        self._geoms = np.flatnonzero(
-            (self._model.geom_bodyid > 0) & (self._model.geom_type > 0)
-        )  # that move, and are no ground
+        self._geoms = _moving(self._model)
         self._way, places = np.empty((*poses.shape[:2], 3)), np.empty((*poses.shape[:2], len(self._geoms), 3))
         for place in np.ndindex(poses.shape[:2]):
             self._pose(poses[place])
@@ -187,6 +193,11 @@ class Studio:
         half = np.tan(np.deg2rad(self._model.vis.global_.fovy) / 2)
         camera.distance = _MARGIN * ((aside + radius) / half - offset @ forward).max()
         return camera
+
+
+def _moving(model: Any) -> np.ndarray:
+    """Geoms that may move, and are no ground, (geoms,)."""
+    return np.flatnonzero((model.geom_bodyid > 0) & (model.geom_type > 0))
 
 
 def _paler(model: Any) -> None:

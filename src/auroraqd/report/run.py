@@ -15,6 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from auroraqd import storage
+from auroraqd._files import folder_at
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.scenes import has_trajectories, scene_of
@@ -29,10 +30,10 @@ def write_figures(folder: str | Path) -> list[Path]:
 
     Raises:
         FileNotFoundError, ValueError: see `auroraqd.load`.
+        OSError: they cannot be written.
     """
     repertoire, records = storage.load(folder), storage.load_history(folder)
-    target = Path(folder) / storage.FIGURES
-    target.mkdir(exist_ok=True)
+    target = folder_at(Path(folder) / storage.FIGURES)
     figures = {"history": history_figure(records)}
     if len(repertoire):
         figures = {"repertoire": repertoire_figure(repertoire), **figures}
@@ -45,7 +46,12 @@ def write_figures(folder: str | Path) -> list[Path]:
 
 
 def repertoire_figure(repertoire: Repertoire) -> Figure:
-    """Descriptor space, ground-truth space where there is one, and trajectories where the observations are some."""
+    """Descriptor space, ground-truth space where there is one, and trajectories where the observations are some.
+
+    Raises:
+        ValueError: the repertoire is empty.
+    """
+    _check_any(repertoire)
     truth = repertoire.ground_truth
     panels = [("Descriptor space", _draw_descriptors)]
     if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
@@ -66,7 +72,12 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
 
 
 def fitness_figure(repertoire: Repertoire) -> Figure:
-    """Fitness over descriptor space, and over ground-truth space where there is one: what each behaviour is worth."""
+    """Fitness over descriptor space, and over ground-truth space where there is one: what each behaviour is worth.
+
+    Raises:
+        ValueError: the repertoire is empty.
+    """
+    _check_any(repertoire)
     truth = repertoire.ground_truth
     panels: list[tuple[str, Any]] = [("Descriptor space", _draw_descriptors)]
     if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
@@ -106,6 +117,11 @@ def history_figure(records: Sequence[Record]) -> Figure:
             if name != "mean_fitness":
                 axes.set_ylim(0, 1.05 * max(np.nanmax(values), 1e-12))
     return figure
+
+
+def _check_any(repertoire: Repertoire) -> None:
+    if len(repertoire) == 0:
+        raise ValueError("the repertoire is empty, nothing was stored in its run: there is nothing to draw")
 
 
 def _plane(repertoire: Repertoire) -> np.ndarray:

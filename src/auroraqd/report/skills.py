@@ -70,6 +70,8 @@ def animate(
 
 def check_rows(repertoire: Repertoire, rows: Sequence[int] | np.ndarray) -> None:
     """Raise ValueError unless there are these skills, and at least one of them."""
+    if len(repertoire) == 0:
+        raise ValueError("the repertoire is empty, nothing was stored in its run: there is no skill to show")
     if len(rows) == 0 or not all(0 <= row < len(repertoire) for row in rows):
         wrong = next((row for row in rows if not 0 <= row < len(repertoire)), "none")
         raise ValueError(f"skill must be a row of the repertoire, 0 to {len(repertoire) - 1}, got {wrong}")

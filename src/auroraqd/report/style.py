@@ -26,7 +26,11 @@ STYLE: Any = {
 
 
 def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write a figure as PNG and as SVG; returns the files."""
+    """Write a figure as PNG and as SVG; returns the files.
+
+    Raises:
+        OSError: they cannot be written.
+    """
     png, svg = folder / f"{name}.png", folder / f"{name}.svg"
     figure.dpi = _DPI
     # By the canvas itself: `Figure.savefig` draws twice, and lays out each time, which takes as long as drawing.

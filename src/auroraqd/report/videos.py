@@ -1,6 +1,7 @@
 """Videos: figures, frame by frame, as .gif or .mp4."""
 
 import math
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ import matplotlib as mpl
 from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
 
+from auroraqd._files import folder_at, told
 from auroraqd.report.style import STYLE
 
 LAST = 1.0
@@ -28,7 +30,8 @@ def video(figure: Figure, path: Path, rate: int) -> Iterator[Callable[[], None]]
 
     Args:
         figure: that is drawn.
-        path: ends in .gif or .mp4. A file that is there is replaced when the new one is complete.
+        path: ends in .gif or .mp4. A file that is there is replaced when the new one is complete; its folder is created if
+            needed.
         rate: frames a second.
 
     Raises:
@@ -36,9 +39,15 @@ def video(figure: Figure, path: Path, rate: int) -> Iterator[Callable[[], None]]
         OSError: it cannot be written.
     """
     writer = _writer(path, rate)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    if os.path.isdir(path):  # of a name that is too long, Path.is_dir raises
+        raise IsADirectoryError(f"{path} must be a file, and is a folder")
+    folder_at(path.parent)
     temporary = path.with_name(f".tmp.{path.name}")
     with mpl.rc_context(STYLE):
+        try:
+            temporary.touch()  # ffmpeg would not say why it cannot
+        except OSError as error:
+            raise told(error, f"{path} could not be written") from None
         try:
             with writer.saving(figure, str(temporary), dpi=100):
                 yield writer.grab_frame

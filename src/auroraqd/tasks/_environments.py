@@ -1,7 +1,9 @@
 """Environments of Gymnasium, as a task needs them: made when wanted, begun where wanted, with controls in [-1, 1]."""
 
 import logging
+import os
 import re
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -32,6 +34,11 @@ class Environments:
         except ImportError:
             raise ValueError('Gymnasium and MuJoCo are not installed: pip install "auroraqd[robots]"') from None
         _keep_from_writing(self._mujoco)
+        if options.get("render_mode") == "human" and not _display():  # MuJoCo's windows would end this process
+            raise ValueError(
+                f"options of {env_id} must leave render_mode out, for 'human' opens windows and there is no display; "
+                "`auroraqd animate` and `auroraqd.report.film` draw robots without one"
+            )
         self._recipe = env_id, options, modify
         self._made = [self._make()]
         self.first = self._made[0]
@@ -92,7 +99,15 @@ class Environments:
         env_id, options, modify = self._recipe
         try:  # an episode is as long as the task says, so without a limit of the environment's own
             env = self._gymnasium.make(env_id, **{"max_episode_steps": -1, "disable_env_checker": True, **options})
-        except (self._gymnasium.error.Error, TypeError, ValueError, OSError, ImportError, AttributeError) as error:
+        except (
+            self._gymnasium.error.Error,
+            TypeError,
+            ValueError,
+            OSError,
+            ImportError,
+            AttributeError,
+            ArithmeticError,
+        ) as error:
             raise ValueError(f"env_id {env_id!r} cannot be made: {error}") from None
         if modify is not None:
             if not self._of_mujoco(env):
@@ -124,6 +139,11 @@ class Environments:
                 raise ValueError(f"actions of {self._recipe[0]} must have a range to move in (ctrlrange), got {self._space}")
             return int(np.prod(self._space.shape))
         raise ValueError(f"actions of {self._recipe[0]} must be discrete, or numbers with bounds, got {self._space}")
+
+
+def _display() -> bool:
+    """Whether windows can be opened. Where it is not Linux, there is a display."""
+    return not sys.platform.startswith("linux") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
 def _keep_from_writing(mujoco: Any) -> None:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from auroraqd._checks import numbers
 from auroraqd.tasks._environments import Environments
 
 Seeds = Sequence[int | None]
@@ -138,7 +139,7 @@ def stepped(
     control = np.zeros_like(environments.actions(np.zeros((n, steps, environments.actuators))))
     reward, length, going = np.zeros((n, steps)), np.full(n, steps), np.ones(n, bool)
     for step in range(steps):
-        controls = np.asarray(controller(step, sensed.copy()), np.float64)
+        controls = numbers("controls", controller(step, sensed.copy()))
         if controls.shape != (n, environments.actuators):
             raise ValueError(f"the controller must return shape {(n, environments.actuators)}, got {controls.shape}")
         finite = np.asarray(np.isfinite(controls).all(axis=1))

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from auroraqd import tasks
-from auroraqd._checks import number
+from auroraqd._checks import number, numbers
 
 STEPS = 50
 """Points of a trajectory, the first after 0.1 s."""
@@ -73,7 +73,7 @@ class AirHockey:
 
     def __call__(self, genotypes: np.ndarray) -> "tasks.Evaluation":
         """See the class."""
-        genotypes = np.asarray(genotypes, np.float64)
+        genotypes = numbers("genotypes", genotypes, f" of shape (n, {self.n_genes})")
         if genotypes.ndim != 2 or genotypes.shape[1] != self.n_genes:
             raise ValueError(f"genotypes must have shape (n, {self.n_genes}), got {genotypes.shape}")
         if not ((genotypes >= 0) & (genotypes <= 1)).all():

@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 
-from auroraqd._checks import number, whole
+from auroraqd._checks import number, numbers, whole
 
 
 class OpenLoop(Protocol):
@@ -151,7 +151,7 @@ class MLP:
         for neurons in self.hidden:
             whole("hidden", neurons)
         number("weight", self.weight)
-        scale = np.asarray(self.scale, np.float64)
+        scale = numbers("scale", self.scale)
         if scale.ndim > 1 or not (np.isfinite(scale) & (scale > 0)).all():
             raise ValueError(f"scale must be more than 0, a number or one for each entry, got {self.scale!r}")
 

@@ -3,6 +3,9 @@
 A function of a batch of genotypes is a task as it is. What is here makes one of what is not.
 """
 
+from __future__ import annotations
+
+import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import whole
+from auroraqd._checks import numbers, seeds_for, whole
 
 _LEAST_ROWS = 16  # of a batch in JAX, which compiles anew for each number of rows: numbers are rounded up to powers of two
+_NAMES = ("fitness", "observation", "ground_truth")
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,11 @@ class Gene:
     def __post_init__(self) -> None:
         if not isinstance(self.unit, str):
             raise ValueError(f"the unit of a gene must be words, got {self.unit!r}")
-        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
+        try:
+            ordered = bool(np.isfinite([self.low, self.high]).all() and self.low < self.high)
+        except (TypeError, ValueError):  # no numbers
+            ordered = False
+        if not ordered:
             raise ValueError(f"the bounds of a gene must be finite, and low less than high, got {self.low} and {self.high}")
 
 
@@ -48,15 +56,17 @@ class Genes:
         ValueError: no genes, or bounds that are none.
     """
 
-    def __init__(self, **genes: "tuple[float, float] | tuple[float, float, str]"):
+    def __init__(self, **genes: tuple[float, float] | tuple[float, float, str]):
         if not genes:
             raise ValueError("there must be at least one gene")
         found = {}
         for name, gene in genes.items():
             try:
                 found[name] = Gene(gene[0], gene[1], *gene[2:])
-            except (TypeError, IndexError, ValueError) as error:
+            except ValueError as error:
                 raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {gene!r}: {error}") from None
+            except (TypeError, LookupError):  # too few of them, or too many
+                raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {gene!r}") from None
         self._genes: Mapping[str, Gene] = found
 
     def __len__(self) -> int:
@@ -105,7 +115,7 @@ class Genes:
         return np.clip((array - low) / (high - low), 0.0, 1.0)
 
     def _checked(self, name: str, rows: ArrayLike) -> np.ndarray:
-        array = np.asarray(rows, np.float64)
+        array = numbers(name, rows)
         if array.ndim == 0 or array.shape[-1] != len(self):
             raise ValueError(f"{name} must have {len(self)} genes ({', '.join(self.names)}), got shape {array.shape}")
         return array
@@ -123,6 +133,10 @@ class _OfOne:
         if n_genes is not None:
             self.n_genes = whole("n_genes", n_genes)
 
+    def _seeds(self, seeds: Any, n: int) -> np.ndarray | None:
+        """Seeds of n individuals, if it wants them, or is given some."""
+        return None if seeds is None and not self.seeded else seeds_for(f"seeds of {self.__name__}", seeds, n)
+
 
 class Each(_OfOne):
     """A task of a function of one genotype; what `each` returns."""
@@ -131,24 +145,20 @@ class Each(_OfOne):
         """The evaluation of genotypes, (n, n_genes), one after the other; with their seeds, (n,), if it is seeded.
 
         Raises:
-            ValueError: what it returns differs in kind or shape between genotypes.
+            ValueError: what it returns is no evaluation, or differs in kind or shape between genotypes.
         """
-        if seeds is None:
-            results = [_copied(self.function(genotype)) for genotype in genotypes]
+        checked = self._seeds(seeds, len(genotypes))
+        if checked is None:
+            results = [_columns(self.function(genotype), np.array) for genotype in genotypes]
         else:
-            results = [_copied(self.function(genotype, int(seed))) for genotype, seed in zip(genotypes, seeds, strict=True)]
+            pairs = zip(genotypes, checked, strict=True)
+            results = [_columns(self.function(genotype, int(seed)), np.array) for genotype, seed in pairs]
         kinds = {len(result) if isinstance(result, tuple) else None for result in results}
-        if not kinds <= {None, 2, 3}:
-            raise ValueError(
-                "it must return a tuple of fitness, observation and optionally ground truth, or observation alone, got a tuple "
-                f"of {max(kind for kind in kinds if kind is not None)}"
-            )
         if len(kinds) != 1:
             raise ValueError("it must return a tuple of the same length for each genotype, or always observation alone")
         if kinds == {None}:
             return _stacked("observation", results)
-        names = ("fitness", "observation", "ground_truth")
-        return tuple(_stacked(name, column) for name, column in zip(names, zip(*results, strict=True), strict=False))
+        return tuple(_stacked(name, column) for name, column in zip(_NAMES, zip(*results, strict=True), strict=False))
 
 
 def each(function: Callable[..., Any], n_genes: int | None = None, *, seeded: bool = False) -> Each:
@@ -174,24 +184,40 @@ class FromJax(_OfOne):
         return {**self.__dict__, "_compiled": None}  # each process compiles its own
 
     def __call__(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> tuple | np.ndarray:
-        """The evaluation of genotypes, (n, n_genes), all at once; with keys from their seeds, (n,), if it is seeded."""
+        """The evaluation of genotypes, (n, n_genes), all at once; with keys from their seeds, (n,), if it is seeded.
+
+        Raises:
+            ValueError: what it returns is no evaluation, or it is no function that JAX can trace.
+        """
         import jax
 
         if self._compiled is None:
-            self._compiled = jax.jit(jax.vmap(self.function))
+            self._compiled = jax.jit(jax.vmap(self._of_arrays))
         n = len(genotypes)
         if n == 0:
             raise ValueError("there must be at least one genotype")
         columns = [np.asarray(genotypes)]
-        if seeds is not None:
-            columns.append(np.ascontiguousarray(seeds, np.uint64).view(np.uint32).reshape(n, 2))
+        checked = self._seeds(seeds, n)
+        if checked is not None:
+            columns.append(np.ascontiguousarray(checked, np.uint64).view(np.uint32).reshape(n, 2))
         rows = max(_LEAST_ROWS, 1 << (n - 1).bit_length())
         padded = [np.concatenate([column, np.repeat(column[:1], rows - n, axis=0)]) for column in columns]
         keys = [jax.random.wrap_key_data(jax.numpy.asarray(data), impl="threefry2x32") for data in padded[1:]]
-        found = self._compiled(padded[0], *keys)
+        try:
+            found = self._compiled(padded[0], *keys)
+        except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError) as error:
+            raise ValueError(
+                "it must be a function of jax.numpy, without `if` or float() of its values, for JAX to trace it, and a "
+                f"function of NumPy is made a task by auroraqd.tasks.each instead, got {type(error).__name__}"
+            ) from error
         if isinstance(found, tuple):
             return tuple(np.asarray(column)[:n] for column in found)
         return np.asarray(found)[:n]
+
+    def _of_arrays(self, *arguments: Any) -> Any:
+        import jax
+
+        return _columns(self.function(*arguments), jax.numpy.asarray)
 
 
 def from_jax(function: Callable[..., Any], n_genes: int | None = None, *, seeded: bool = False) -> FromJax:
@@ -210,9 +236,38 @@ def from_jax(function: Callable[..., Any], n_genes: int | None = None, *, seeded
     return FromJax(function, n_genes, seeded)
 
 
-def _copied(result: Any) -> Any:
-    """What a function returned, in memory of its own: it may return the same array again, changed."""
-    return tuple(map(np.array, result)) if isinstance(result, tuple) else np.array(result)
+def _columns(result: Any, array: Callable[[Any], Any]) -> Any:
+    """What a function returned for one genotype, as arrays: an observation, or a tuple of two or three.
+
+    Args:
+        result: what it returned.
+        array: makes an array, in memory of its own: a function may return the same again, changed.
+
+    Raises:
+        ValueError: it is nothing of the kind.
+    """
+    wanted = "it must return a tuple of fitness, observation and optionally ground truth, or observation alone, (...), got"
+    if isinstance(result, tuple):
+        parts = result[:2] if len(result) == 3 and result[2] is None else result  # an `Evaluation` without
+        if len(parts) not in (2, 3):
+            raise ValueError(f"{wanted} a tuple of {len(result)}")
+        return tuple(_numbers(name, part, array) for name, part in zip(_NAMES, parts, strict=False))
+    if result is None or isinstance(result, str | bytes | Mapping | set):
+        raise ValueError(f"{wanted} {reprlib.repr(result) if result is None else type(result).__name__}")
+    observation = _numbers("observation", result, array)
+    if observation.ndim == 0:
+        raise ValueError(f"{wanted} one number for a genotype: as observation of one entry it must be an array, of shape (1,)")
+    return observation
+
+
+def _numbers(name: str, value: Any, array: Callable[[Any], Any]) -> Any:
+    try:
+        found = array(value)
+        if found.dtype.kind in "OSUmM":
+            raise TypeError
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} of a genotype must be numbers, got {reprlib.repr(value)}") from None
+    return found
 
 
 def _stacked(name: str, rows: Any) -> np.ndarray:

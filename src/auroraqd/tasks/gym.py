@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from auroraqd._checks import whole
+from auroraqd._checks import numbers, seeds_for, whole
 from auroraqd._workers import cores
 from auroraqd.tasks import Evaluation
 from auroraqd.tasks._environments import Environments
@@ -40,7 +40,8 @@ class Gym:
         positions: which of MuJoCo's qpos are observed; the first two are often the torso's place in the world, and the default.
         observe: which entries of the environment's own observation are observed instead; of environments that are not
             MuJoCo's, all by default.
-        fitness: from an `Episode` to (n,); or "return", the sum of the environment's own rewards; None: 0, only explore.
+        fitness: from an `Episode` to (n,), of which MuJoCo's rollout leaves reward and observation out; or "return", the sum of
+            the environment's own rewards; None: 0, only explore.
         noisy: begin as the environment does, with its noise, of a seed for each individual; the task is then called as
             `task(genotypes, seeds)`. Otherwise robots of MuJoCo begin in their initial state without noise, and others as they
             do with seed 0.
@@ -80,8 +81,12 @@ class Gym:
             raise ValueError(f"modify must be a function that changes a model of MuJoCo, got {self.modify!r}")
         for name in ("positions", "observe"):
             chosen = getattr(self, name)
-            if chosen is not None and (np.ndim(chosen) != 1 or (len(chosen) and np.asarray(chosen).dtype.kind not in "iu")):
+            if chosen is not None and not _whole_numbers(chosen):
                 raise ValueError(f"{name} must be whole numbers of shape (chosen,), got {chosen!r}")
+        if not isinstance(self.options, dict):
+            raise ValueError(f"options must be a dictionary, as gymnasium.make takes them, got {self.options!r}")
+        if not isinstance(self.noisy, bool | np.bool_):
+            raise ValueError(f"noisy must be True or False, got {self.noisy!r}")
         if self.positions is not None and self.observe is not None:
             raise ValueError("positions and observe are two ways to say what is observed: give one of them")
         self._open()
@@ -114,7 +119,7 @@ class Gym:
         if not self._chosen or any(not 0 <= index < there for index in self._chosen):
             raise ValueError(f"{name} must be of 0 to {there - 1} for {self.env_id}, got {self._chosen}")
         sizes = (self._environments.observations, actuators) if closed else (actuators,)
-        self.n_genes: int = self.controller.n_genes(*sizes)
+        self.n_genes: int = whole("n_genes of the controller", self.controller.n_genes(*sizes))
         self._rollout = None
         if not (closed or self._of_observation or self.fitness == "return" or "max_episode_steps" in self.options):
             rollout = Rollout(self._environments, self.threads or _threads())
@@ -155,17 +160,16 @@ class Gym:
 
     def _episodes(self, genotypes: np.ndarray, seeds: np.ndarray | None) -> Iterator[Episode]:
         """As many at once as fit."""
-        genotypes = np.asarray(genotypes, np.float64)
+        genotypes = numbers(f"genotypes of {self.env_id}", genotypes, f" of shape (n, {self.n_genes})")
         if genotypes.ndim != 2 or genotypes.shape[1] != self.n_genes:
             raise ValueError(f"genotypes of {self.env_id} must have shape (n, {self.n_genes}), got {genotypes.shape}")
         if len(genotypes) == 0:
             raise ValueError("there must be at least one genotype")
         if not self.noisy and seeds is not None:
             raise ValueError(f"seeds are for noisy=True, and {self.env_id} was made without")
-        if self.noisy and (seeds is None or np.shape(seeds) != (len(genotypes),)):
-            came = "none" if seeds is None else f"shape {np.shape(seeds)}"
-            raise ValueError(f"seeds of {self.env_id}, which is noisy, must have shape ({len(genotypes)},), got {came}")
-        each: Seeds = [None] * len(genotypes) if seeds is None else [int(seed) for seed in seeds]
+        each: Seeds = [None] * len(genotypes)
+        if self.noisy:
+            each = [int(seed) for seed in seeds_for(f"seeds of {self.env_id}, which is noisy,", seeds, len(genotypes))]
         if self._rollout is not None:
             rows = _MOST_BYTES // self._rollout.bytes(self.steps)
         else:
@@ -180,9 +184,11 @@ class Gym:
         actuators = self._environments.actuators
         if is_closed_loop(self.controller):
             policy = self.controller.policy(genotypes, self._environments.observations, actuators)
+            if not callable(policy):
+                raise ValueError(f"the policy of the controller must be a function of what is sensed, got {policy!r}")
             return stepped(self._environments, lambda step, sensed: policy(sensed), self.steps, seeds)
         controller: Any = self.controller
-        controls = np.asarray(controller(genotypes, actuators, self.interval * np.arange(self.steps)), np.float64)
+        controls = numbers("controls", controller(genotypes, actuators, self.interval * np.arange(self.steps)))
         wanted = (len(genotypes), self.steps, actuators)
         if controls.shape != wanted:
             raise ValueError(f"the controller must return shape {wanted}, got {controls.shape}")
@@ -198,12 +204,41 @@ class Gym:
         if self.fitness is None:
             fitness = np.zeros(n)
         elif callable(self.fitness):
-            fitness = np.asarray(self.fitness(episode), np.float64)
+            fitness = self._fitness(self.fitness, episode)
         else:
             fitness = episode.reward.sum(axis=1)
         if fitness.shape != (n,):
             raise ValueError(f"fitness must return shape ({n},), got {fitness.shape}")
         return Evaluation(fitness, path, path[:, -1])
+
+    def _fitness(self, function: Callable[[Episode], np.ndarray], episode: Episode) -> np.ndarray:
+        """What a function makes of an episode, with a hint if it may have asked for what the episode does not have."""
+        missing = [name for name in ("qpos", "qvel", "observation", "reward") if getattr(episode, name) is None]
+        hint = f"; an episode of {self.env_id} has no {' and no '.join(missing)} here" if missing else ""
+        if "reward" in missing:
+            hint += (
+                ', for MuJoCo\'s rollout knows none: write fitness="return" for the sum of rewards, or '
+                f'options={{"max_episode_steps": {self.steps}}}, with which the environment is stepped'
+            )
+        try:
+            returned = function(episode)
+        except (AttributeError, TypeError, ValueError, IndexError) as error:  # what None leads to
+            if not missing:
+                raise
+            raise ValueError(f"fitness raised {type(error).__name__}: {error}{hint}") from error
+        try:
+            return numbers("what fitness returns", returned)
+        except ValueError as error:
+            raise ValueError(f"{error}{hint * ('None' in str(error))}") from None
+
+
+def _whole_numbers(chosen: Any) -> bool:
+    """Whether it is some, or an empty list of them."""
+    try:
+        array = np.asarray(chosen)
+    except ValueError:  # not of one shape
+        return False
+    return array.ndim == 1 and (len(array) == 0 or array.dtype.kind in "iu")
 
 
 def _threads() -> int:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import whole
+from auroraqd._checks import seeds_for, whole
 from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
 
 _RUN, _AGAIN = 1, 2  # streams of their own, apart from the random numbers of the run itself
@@ -60,7 +60,8 @@ class Repeated:
         """
         n = len(genotypes)
         if seeds is not None:
-            seeds = np.array([np.random.PCG64(int(seed)).random_raw(self.times) for seed in seeds]).reshape(-1)
+            each = seeds_for("seeds", seeds, n)
+            seeds = np.array([np.random.PCG64(int(seed)).random_raw(self.times) for seed in each]).reshape(-1)
         result = called(self.task, np.repeat(genotypes, self.times, axis=0), seeds)
         evaluation = as_evaluation(result, n * self.times)
         return Evaluation(*(None if rows is None else self._mean(rows) for rows in evaluation))
