@@ -34,7 +34,7 @@ def main(generations=100):
     auroraqd.save(aurora, "runs/ant")
     repertoire = auroraqd.load("runs/ant")
     files = write_figures("runs/ant")
-    rows = repertoire.sample(6)
+    rows = repertoire.sample(max(1, min(6, generations // 5)))
     try:
         film(task, repertoire.genotype[rows], "runs/ant/figures/walks.gif", names=[f"skill {row}" for row in rows])
     except ValueError as error:  # no library to draw with

@@ -1,3 +1,4 @@
+import asyncio
 import logging
 import multiprocessing
 import os
@@ -127,6 +128,18 @@ def test_who_kills_its_worker_is_invalid(ours):
         evaluation = task(few)
     assert np.flatnonzero(np.isnan(evaluation.fitness)).tolist() == [20]
     assert_array_equal(evaluation.observation[21:], robots.good(few)[1][21:])
+
+
+def test_a_local_cluster_without_workers_gets_new_ones(cluster, monkeypatch, caplog):
+    """Nannies may end with their workers; a run would wait for ever."""
+    monkeypatch.setattr(executors, "_RESTART", 2.0)
+    with evaluate.over(whole_again(cluster), robots.good) as task:
+        check(task(GENOTYPES))
+        cluster.sync(lambda: asyncio.gather(*[nanny.close() for nanny in cluster.cluster.workers.values()]))
+        assert not cluster.nthreads()
+        check(task(GENOTYPES))
+        assert task.failed == 0
+    assert "so are their nannies: 2 are started" in caplog.text
 
 
 def test_who_hangs_is_invalid_and_does_not_hang_the_run(ours):

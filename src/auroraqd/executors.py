@@ -155,8 +155,27 @@ class _DaskExecutor(Executor):
         """Threads of all workers there are now; waits for the first."""
         if not self._client.nthreads():
             _log.warning("waiting for workers of the Dask cluster %s", self._client.scheduler.address)
-            self._client.wait_for_workers(1)
+            while not self._client.nthreads():
+                try:
+                    self._client.wait_for_workers(1, timeout=_RESTART)
+                except TimeoutError:
+                    self._start_again()
         return sum(self._client.nthreads().values())
+
+    def _start_again(self) -> None:
+        """Start the workers of a cluster on this machine, whose nannies are gone too. Others are left to their scheduler."""
+        from distributed import LocalCluster
+
+        cluster = self._client.cluster
+        if not isinstance(cluster, LocalCluster) or not cluster.worker_spec:
+            return
+        wanted = len(cluster.worker_spec)
+        _log.warning("all workers of the Dask cluster are gone, and so are their nannies: %d are started", wanted)
+        cluster.scale(0)
+        deadline = time.monotonic() + _RESTART
+        while cluster.workers and time.monotonic() < deadline:
+            time.sleep(0.05)
+        cluster.scale(wanted)
 
     def prepare(self, content: bytes, name: str) -> list[Worker]:
         """Make the task ready on all workers there are now, and on those that come before they are given any work."""
