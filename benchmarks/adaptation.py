@@ -25,7 +25,7 @@ from auroraqd.report.style import STYLE
 from auroraqd.tasks import air_hockey
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
-from damage import TRIALS, discovered, reachable, tried, without_joint
+from damage import TRIALS, away, by_chance, discovered, tried, without_joint
 
 FOLDER = Path("runs/damage")
 LOOKS = (5, 10, 20)  # trials after which distances are compared
@@ -49,7 +49,7 @@ class Case(NamedTuple):
 
     joint: int
     goal: np.ndarray  # (2,)
-    reached: np.ndarray  # (k, 2), where random controllers of the damaged arm bring the puck
+    reached: np.ndarray  # (k, 2), by random controllers of the damaged arm
     paths: np.ndarray  # (n, 50, 2), of the puck, by all skills on the damaged arm
 
     @property
@@ -67,8 +67,8 @@ def cases(arm, repertoire, goals: int, rng) -> Iterator[Case]:
     """So many goals for each joint."""
     for joint in range(air_hockey.JOINTS):
         paths = arm(without_joint(repertoire.genotype, joint)).observation
-        reached = reachable(arm, joint, rng)
-        for goal in reached[:goals]:
+        reached = by_chance(arm, joint, rng)
+        for goal in away(reached)[:goals]:
             yield Case(joint, goal, reached, paths)
 
 

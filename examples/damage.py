@@ -33,10 +33,14 @@ def without_joint(genotypes, joint):
     return stuck
 
 
-def reachable(arm, joint, rng):
-    """Places that the damaged arm can bring the puck to: where random controllers do."""
-    ends = arm(without_joint(rng.random((20_000, arm.n_genes)), joint)).observation[:, -1]
-    return ends[np.linalg.norm(ends - air_hockey.START, axis=1) > 0.1]
+def by_chance(arm, joint, rng):
+    """Where random controllers leave the puck with the damaged arm; most do not touch it."""
+    return arm(without_joint(rng.random((20_000, arm.n_genes)), joint)).observation[:, -1]
+
+
+def away(places):
+    """Those of the places to which the puck has to be moved: goals, for the damaged arm can reach them."""
+    return places[np.linalg.norm(places - air_hockey.START, axis=1) > 0.1]
 
 
 def tried(adaptation, outcomes):
@@ -57,7 +61,7 @@ def main(generations=1000, goals=10):
     for joint in range(air_hockey.JOINTS):
         ends = arm(without_joint(repertoire.genotype, joint)).observation[:, -1]
         in_order, adapted = [], []
-        for goal in reachable(arm, joint, rng)[:goals]:
+        for goal in away(by_chance(arm, joint, rng))[:goals]:
             distance = np.linalg.norm(ends - goal, axis=1)
             best_promises = np.linalg.norm(promised - goal, axis=1).argsort()[:TRIALS]
             in_order.append(distance[best_promises].min())
