@@ -1,4 +1,7 @@
-"""All benchmarks: `python benchmarks`. Tables in Markdown on standard output; about half an hour on two cores."""
+"""All benchmarks of speed: `python benchmarks`. Tables in Markdown on standard output; about half an hour on two cores.
+
+What is found, not how fast, is measured by commands of their own: `ant.py`, `adaptation.py`, `readings.py`.
+"""
 
 import argparse
 
@@ -9,7 +12,7 @@ import peers
 import robots
 import speed
 
-argparse.ArgumentParser(description=__doc__).parse_args()
+argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
 speed.main()
 hockey.main()
 endurance.main()
