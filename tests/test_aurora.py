@@ -422,6 +422,20 @@ def test_bad_arguments(arguments, error, message):
         Aurora(**{"n_genes": 2, "descriptor": "genotype", **arguments})
 
 
+def test_bad_arguments_of_methods(ballistic):
+    aurora = Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=2)
+    for observation in ("x", 3, [[1, 2], [3]], np.zeros((2, 7)), np.full((1, 50, 2), np.nan)):
+        with pytest.raises(ValueError, match="observation must"):
+            aurora.describe(observation)
+    for descriptor in ("x", [0, 0], None):
+        with pytest.raises(ValueError, match="descriptor must"):
+            aurora.reconstruct(descriptor)
+    with pytest.raises(ValueError, match=r"inverse of the transform of PCA raised, for descriptor of shape \(1, 3\)"):
+        aurora.reconstruct([[0, 0, 0]])
+    with pytest.raises(TypeError, match="task must be callable"):
+        aurora.run(3, generations=1)
+
+
 def test_ctrl_c_loses_nothing(ballistic):
     """Interrupted at any moment, a run goes on as if nothing had happened."""
     undisturbed = Aurora(2, PCA(n_components=2), seed=0).run(ballistic, generations=120)

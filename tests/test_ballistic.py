@@ -73,7 +73,9 @@ def test_a_bounce_keeps_sixty_percent():
     assert_allclose(np.diff(trajectory[:, 0]), trajectory[1, 0], rtol=1e-9)  # horizontal speed is kept
 
 
-@pytest.mark.parametrize("genotypes", [np.zeros(2), np.zeros((3, 3)), np.array([[0.5, 1.1]]), np.array([[np.nan, 0.5]])])
+@pytest.mark.parametrize(
+    "genotypes", [np.zeros(2), np.zeros((3, 3)), np.array([[0.5, 1.1]]), np.array([[np.nan, 0.5]]), "x", None]
+)
 def test_bad_genotypes(genotypes):
     with pytest.raises(ValueError, match="genotypes must"):
         Ballistic()(genotypes)

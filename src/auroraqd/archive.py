@@ -292,9 +292,13 @@ class Archive(ABC):
         return self._rearranged
 
     def rows_of(self, ids: ArrayLike) -> np.ndarray:
-        """The rows of individuals, (n,) int64; -1 for an id that is not stored."""
+        """The rows of individuals, (n,) int64; -1 for an id that is not stored.
+
+        Raises:
+            ValueError: the ids are no whole numbers.
+        """
         order = np.argsort(self.id)
-        ids = np.asarray(ids, np.int64)
+        ids = _whole_numbers("ids", ids)
         rows = np.full(ids.shape, -1)
         if len(order):
             found = order[np.minimum(np.searchsorted(self.id, ids, sorter=order), len(order) - 1)]
@@ -308,10 +312,15 @@ class Archive(ABC):
             parent_ids: (n,) ids; those no longer stored (replaced meanwhile), and -1, are passed over.
             status: (n,) what `add` returned for the children.
             rows: (n,) where the parents were before `add`, if known: saves the search for them.
+
+        Raises:
+            ValueError: ids are no whole numbers, status no numbers, or they are not of one shape (n,).
         """
-        ids, status = np.asarray(parent_ids, np.int64), np.asarray(status)
+        ids, status = _whole_numbers("parent_ids", parent_ids), np.asarray(status)
         if ids.shape != status.shape or ids.ndim != 1:
             raise ValueError(f"parent_ids and status must have one shape (n,), got {ids.shape} and {status.shape}")
+        if status.dtype.kind not in "biuf":
+            raise ValueError(f"status must be numbers, as add returns them, got {status.dtype}")
         if len(self) == 0:
             return
         with self._lock, uninterrupted():
@@ -491,6 +500,17 @@ def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
         raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
         raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
+
+
+def _whole_numbers(name: str, values: ArrayLike) -> np.ndarray:
+    """The values as an array of int64."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} must be an array of whole numbers") from None
+    if array.dtype.kind not in "iu" and array.size:
+        raise ValueError(f"{name} must be whole numbers, got {array.dtype}")
+    return array.astype(np.int64, copy=False)
 
 
 def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type | None = None) -> np.ndarray:

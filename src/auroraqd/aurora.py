@@ -116,16 +116,18 @@ class Aurora:
 
         Raises:
             RuntimeError: the descriptor is not learned, or not yet.
+            ValueError: the observations are no numbers, of another shape than those it was fitted on, or not finite.
         """
-        return self._descriptor.describe_observation(np.asarray(observation))
+        return self._descriptor.describe_observation(observation)
 
     def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
         """Observations, (n, ...) in the units of the task, that the learned descriptor expects at descriptors, (n, d).
 
         Raises:
             RuntimeError: the descriptor is not learned, not yet, or has no `inverse_transform`.
+            ValueError: the descriptors are no numbers, or of the wrong shape.
         """
-        return self._descriptor.reconstruct(np.asarray(descriptor, np.float64))
+        return self._descriptor.reconstruct(descriptor)
 
     def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray:
         """The next batch to evaluate, (n, n_genes) in [0, 1]: random while nothing is stored, then offspring.
@@ -222,8 +224,10 @@ class Aurora:
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
             DescriptorError: the descriptor could not be fitted or does not describe.
+            TypeError: the task cannot be called.
             ValueError: no budget, or a negative one.
         """
+        _check_callable("task", task)
         budget = _Budget(self, generations, evaluations, seconds)
         if callback is not None:
             _check_callable("callback", callback)

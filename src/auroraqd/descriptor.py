@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from auroraqd._affine import Affine
-from auroraqd._checks import finite_rows, rows_of
+from auroraqd._checks import finite_rows, numbers, rows_of
 from auroraqd.scaling import Scaler, Scaling
 
 HAND_CODED = "hand-coded"
@@ -141,7 +142,7 @@ class Descriptor:
         affine = Affine.of(scaling.scaler(features), encode, decode)
         return replace(fitted, encode=encode, decode=affine.reconstruct, affine=affine)
 
-    def describe_observation(self, observation: np.ndarray) -> np.ndarray:
+    def describe_observation(self, observation: ArrayLike) -> np.ndarray:
         """Descriptors, (n, d) float64, of observations, (n, ...).
 
         Raises:
@@ -152,21 +153,31 @@ class Descriptor:
             raise RuntimeError(f"the descriptor {self.source!r} is not learned from observations")
         if not self.ready:
             raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
+        numbers("observation", observation)  # or it raises; they stay of the dtype that they are
+        observation = np.atleast_1d(observation)
         if not finite_rows(observation).all():
             raise ValueError("observation must be finite, got a NaN or an infinity")
         if self.affine is not None:
             return self.affine.describe(self._flat(observation))[0]
         return self._encoded(self._scaled(observation))
 
-    def reconstruct(self, z: np.ndarray) -> np.ndarray:
+    def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
         """Observations, (n, ...) float64 in the units of the task, reconstructed from descriptors, (n, d).
 
         Raises:
             RuntimeError: the descriptor is not learned, not fitted yet, or cannot reconstruct.
+            ValueError: the descriptors are no numbers, or of the wrong shape.
         """
         if self.decode is None or self.scaler is None:
             raise RuntimeError(f"{self} cannot reconstruct observations: it has no inverse, or has not been fitted yet")
-        return self.scaler.inverse(np.asarray(self.decode(np.asarray(z, np.float64)), np.float64)).reshape(len(z), *self.shape)
+        z = numbers("descriptor", descriptor, " of shape (n, d)")
+        if z.ndim != 2:
+            raise ValueError(f"descriptor must have shape (n, d), got {z.shape}")
+        try:
+            x = np.asarray(self.decode(z), np.float64)
+        except Exception as error:
+            raise DescriptorError(f"the inverse of {self} raised, for descriptor of shape {z.shape}: {error}") from error
+        return self.scaler.inverse(x).reshape(len(z), *self.shape)
 
     def describe(
         self, genotype: np.ndarray, observation: np.ndarray, ground_truth: np.ndarray | None

@@ -139,8 +139,7 @@ class Repertoire:
             RuntimeError: the descriptor is not learned.
             ValueError: wrong shape; or the transformer is of a type that is not trusted, see `auroraqd.load`.
         """
-        numbers("observation", observation)  # or it raises; they stay of the dtype that they are
-        return self._loaded().describe_observation(np.asarray(observation))
+        return self._loaded().describe_observation(observation)
 
     def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
         """Observations, (n, ...) in the units of the task, that the learned descriptor expects at descriptors, (n, d).

@@ -304,6 +304,25 @@ def test_rows_out_of_date_are_harmless(archive):
         archive.credit(archive.id, [1])
 
 
+@pytest.mark.parametrize(
+    ("parents", "status", "message"),
+    [
+        ([0.5], [1], "parent_ids must be whole numbers, got float64"),
+        (["a"], [1], "parent_ids must be whole numbers"),
+        ([[0], [1, 2]], [1, 1], "parent_ids must be an array of whole numbers"),
+        ([0], ["new"], "status must be numbers"),
+        ([0, 1], [1], "must have one shape"),
+    ],
+)
+def test_bad_credit_changes_nothing(archive, parents, status, message):
+    archive.add(**individuals(20))
+    with pytest.raises(ValueError, match=message):
+        archive.credit(parents, status)
+    assert not archive.curiosity.any()
+    with pytest.raises(ValueError, match="ids must be"):
+        archive.rows_of("x")
+
+
 def test_nothing_is_cast_with_loss(archive):
     archive.add(**individuals(10, dtype=np.int8))
     rows = individuals(10, 1, dtype=np.int64)

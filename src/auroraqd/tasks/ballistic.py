@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from auroraqd import tasks
+from auroraqd._checks import numbers
 
 STEPS = 50
 """Points of a trajectory, the first at the origin."""
@@ -42,7 +43,7 @@ class Ballistic:
 
     def __call__(self, genotypes: np.ndarray) -> "tasks.Evaluation":
         """See the class."""
-        genotypes = np.asarray(genotypes, np.float64)
+        genotypes = numbers("genotypes", genotypes, " of shape (n, 2)")
         if genotypes.ndim != 2 or genotypes.shape[1] != 2:
             raise ValueError(f"genotypes must have shape (n, 2), got {genotypes.shape}")
         if not ((genotypes >= 0) & (genotypes <= 1)).all():
