@@ -8,8 +8,7 @@
     figures/                          pictures
 
 Files are written beside their place, synced and moved there, so a crash leaves the old file or the new one, never half of
-one. Loading runs no code from a file: arrays are safetensors, scikit-learn estimators go through skops, and nothing is
-unpickled.
+one. Loading runs no code from a file: arrays are safetensors, learned descriptors too or by skops, and nothing is unpickled.
 """
 
 import json
