@@ -4,7 +4,7 @@ import copy
 import os
 import signal
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from auroraqd.aurora import Aurora
     from auroraqd.experiments import Settings
+    from auroraqd.progress import RunProgress
 
 OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
 
@@ -219,7 +220,6 @@ def _grow(
     overwrite: bool = False,
 ) -> None:
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
-    from auroraqd.autoencoder import listening
     from auroraqd.checkpoints import LOCK, Checkpoints
     from auroraqd.evaluate import over
     from auroraqd.progress import RunProgress
@@ -242,7 +242,8 @@ def _grow(
         try:
             with busy("compiling kernels, which takes some 10 s the first time", log=True):
                 compile_kernels(settings)
-            with RunProgress(console, settings.generations, aurora.evaluations) as progress, listening(progress.training):
+            progress = RunProgress(console, settings.generations, aurora.evaluations)
+            with progress, _training_told(settings, progress):
 
                 def after_each(aurora: "Aurora") -> None:
                     progress(aurora)
@@ -265,6 +266,17 @@ def _grow(
         _end(failure, aurora, kept)
 
 
+def _training_told(settings: "Settings", progress: "RunProgress") -> AbstractContextManager[Any]:
+    """Tell the progress of a training, if there is any: without, scikit-learn need not be imported, which takes a second."""
+    from auroraqd.experiments.settings import AUTOENCODER
+
+    if settings.descriptor_kind != AUTOENCODER:
+        return nullcontext()
+    from auroraqd.autoencoder import listening
+
+    return listening(progress.training)
+
+
 def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
     """Say why a run has ended, and end the command."""
     from auroraqd.descriptor import DescriptorError
@@ -283,12 +295,13 @@ def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
 
 def compile_kernels(settings: "Settings") -> None:
     """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
-    from auroraqd.experiments.settings import PCA, TASKS, Unstructured
+    from auroraqd.experiments.settings import GENOTYPE, PCA, TASKS, Unstructured
 
     # A task of the user's own may take long, and do things: it is not called for this.
     task = settings.task if settings.task_kind in TASKS else "ballistic"
+    descriptor = PCA if settings.descriptor == PCA else GENOTYPE  # scikit-learn takes a second to import
     kernels = replace(
-        settings, task=task, descriptor=PCA, components=1, pretrained=False, archive=Unstructured(), capacity=None
+        settings, task=task, descriptor=descriptor, components=1, pretrained=False, archive=Unstructured(), capacity=None
     )
     task, aurora = replace(kernels, batch_size=max(settings.batch_size, 20)).build()
     aurora.run(task, generations=3)
