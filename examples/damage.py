@@ -18,10 +18,10 @@ from auroraqd.tasks import air_hockey
 TRIALS = 20
 
 
-def discovered(generations, restitution_threshold=1, folder="runs/damage"):
+def discovered(generations, restitution_threshold=1, folder="runs/damage", seed=1):
     """What the whole arm can do: the task, and a repertoire. Descriptors are learned from the path of the puck."""
     arm = auroraqd.tasks.AirHockey(restitution_threshold=restitution_threshold)
-    aurora = auroraqd.Aurora(arm.n_genes, PCA(n_components=2), seed=1)
+    aurora = auroraqd.Aurora(arm.n_genes, PCA(n_components=2), seed=seed)
     auroraqd.save(aurora.run(arm, generations=generations), folder)
     return arm, auroraqd.load(folder)
 

@@ -44,7 +44,7 @@ def without_times(folder):
 
 MOMENTS = {
     "pca": ["syncing:1", "moving:2", "asked:7", "told:3", "syncing:8", "moving:7", "after:0.3", "told:20"],
-    "autoencoder": ["training:1", "training:3", "syncing:5", "after:1.5", "told:2"],
+    "autoencoder": ["training:1", "training:3", "syncing:5", "after:1.5"],
     "genotype": ["after:0.02", "moving:5", "asked:30"],
 }
 

@@ -1,5 +1,7 @@
 """What is specific to descriptors; how Aurora uses them is tested with Aurora."""
 
+import threading
+
 import naive
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.decomposition import PCA
 
 from auroraqd._affine import Affine
-from auroraqd.descriptor import Descriptor
+from auroraqd.descriptor import Descriptor, DescriptorError
 
 
 @pytest.mark.parametrize(("n", "features", "d"), [(1, 1, 1), (5, 7, 2), (20, 100, 3), (4, 33, 10)])
@@ -26,6 +28,7 @@ def test_affine_descriptors_of_an_observation_are_the_same_in_any_batch():
     observation = np.random.default_rng(0).normal(size=(1000, 11, 3))
     descriptor = Descriptor(PCA(n_components=2)).refitted(observation)
     together = descriptor.describe(observation, observation, None)
+    observation.flags.writeable = False  # as a column of an archive
     for rows in (slice(0, 1), slice(3, 8), slice(500, 1000)):
         apart = descriptor.describe(observation[rows], observation[rows], None)
         for one, all_of in zip(apart, together, strict=True):
@@ -53,3 +56,38 @@ def test_large_observations_are_not_folded():
     np.testing.assert_allclose(np.abs(values), np.abs(pca.transform(scaled.reshape(30, -1))), atol=1e-9)
     assert fitted.affine is None
     assert error.shape == (30,)
+
+
+def test_many_components_are_not_folded():
+    x = np.random.default_rng(0).random((60, 25, 2))
+    assert Descriptor(PCA(32, svd_solver="full")).refitted(x).affine is not None
+    assert Descriptor(PCA(33, svd_solver="full")).refitted(x).affine is None
+
+
+def test_objects_are_checked_for_nans():
+    x = np.random.default_rng(0).random((20, 4))
+    descriptor = Descriptor(PCA(2)).refitted(x)
+    bad = x[:2].astype(object)
+    assert_array_equal(descriptor.describe_observation(bad), descriptor.describe_observation(x[:2]))
+    bad[0, 0] = float("nan")
+    with pytest.raises(ValueError, match="observation must be finite"):
+        descriptor.describe_observation(bad)
+
+
+class Locked:
+    """A transformer that cannot be copied once it is fitted."""
+
+    def fit(self, x):
+        self.mean, self.lock = x.mean(axis=0), threading.Lock()
+        return self
+
+    def transform(self, x):
+        return (x - self.mean)[:, :2]
+
+
+def test_a_transformer_that_cannot_be_copied_is_fitted_once():
+    x = np.random.default_rng(0).random((20, 4))
+    fitted = Descriptor(Locked()).refitted(x)
+    assert fitted.describe_observation(x).shape == (20, 2)
+    with pytest.raises(DescriptorError, match="Locked could not be copied to be fitted anew"):
+        fitted.refitted(x)

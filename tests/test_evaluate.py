@@ -1,8 +1,8 @@
-import asyncio
 import logging
 import multiprocessing
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -44,6 +44,16 @@ def cluster():
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         yield client
+
+
+LOST = "distributed.deploy.lost-worker-timeout"
+
+
+def wait_until(holds, seconds=60):
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 def whole_again(client):
@@ -130,16 +140,41 @@ def test_who_kills_its_worker_is_invalid(ours):
     assert_array_equal(evaluation.observation[21:], robots.good(few)[1][21:])
 
 
-def test_a_local_cluster_without_workers_gets_new_ones(cluster, monkeypatch, caplog):
-    """Nannies may end with their workers; a run would wait for ever."""
-    monkeypatch.setattr(executors, "_RESTART", 2.0)
-    with evaluate.over(whole_again(cluster), robots.good) as task:
+@pytest.mark.parametrize("lost", [1, 2])
+def test_a_cluster_that_gave_up_its_workers_is_asked_for_them(cluster, monkeypatch, caplog, lost):
+    """It gives up a worker that is not replaced in time; a run would go on with fewer, or wait for ever."""
+    dask = pytest.importorskip("dask")
+    monkeypatch.setattr(executors, "_RESTART", 1.0)
+    with evaluate.over(whole_again(cluster), robots.slow, chunk=1) as task, dask.config.set({LOST: "10ms"}):
         check(task(GENOTYPES))
-        cluster.sync(lambda: asyncio.gather(*[nanny.close() for nanny in cluster.cluster.workers.values()]))
-        assert not cluster.nthreads()
+        caplog.clear()
+        for nanny in list(cluster.cluster.workers.values())[:lost]:
+            os.kill(nanny.pid, signal.SIGKILL)
+        wait_until(lambda: len(cluster.cluster.workers) == 2 - lost)
+        wait_until(lambda: len(cluster.nthreads()) == 2 - lost)
         check(task(GENOTYPES))
         assert task.failed == 0
-    assert "so are their nannies: 2 are started" in caplog.text
+        assert f"asked for {lost} lost workers" in caplog.text
+        wait_until(lambda: len(cluster.nthreads()) == 2)
+        time.sleep(1)
+        assert task._started().workers == 2  # and not more
+
+
+def test_workers_that_take_long_to_start_are_waited_for(monkeypatch, caplog):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "_RESTART", 0.2)
+    with (
+        distributed.LocalCluster(
+            n_workers=0, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=logging.CRITICAL
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        cluster.scale(1)
+        with evaluate.over(evaluate.dask(client), robots.good) as task:
+            check(task(GENOTYPES))
+            assert "waiting for workers" in caplog.text
+            assert len(cluster.workers) == 1
+            assert len(client.nthreads()) == 1
 
 
 def test_who_hangs_is_invalid_and_does_not_hang_the_run(ours):
@@ -368,7 +403,7 @@ def test_bad_options(options):
         (["x"], r"genotypes must be numbers of shape \(n, n_genes\), got 'x'"),
         ([np.zeros(3)], r"genotypes must have shape \(n, n_genes\), got \(3,\)"),
         ([GENOTYPES, [0.5]], rf"seeds must have shape \({len(GENOTYPES)},\), got shape \(1,\)"),
-        ([GENOTYPES, np.zeros(len(GENOTYPES))], "seeds must be whole numbers, got float64 like 0.0"),
+        ([GENOTYPES, np.zeros(len(GENOTYPES))], "seeds must be whole numbers, got float 0.0"),
     ],
 )
 def test_arguments_of_a_spread_task(arguments, message):

@@ -301,7 +301,7 @@ def test_a_failing_run_is_given_up_and_the_others_go_on(tmp_path):
     listener = Quiet()
     execute(jobs, known, ledger, 2, listener)
     assert [given_up[:2] for given_up in listener.given_up] == [("genotype", 0)]
-    assert "exists" in listener.given_up[0][2]
+    assert "must be a folder, and is a file" in listener.given_up[0][2]
     assert len(listener.results) == len(Ledger(tmp_path).results) == 5
 
 

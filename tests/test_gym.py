@@ -507,7 +507,7 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, np.arange(3)), r"must have shape \(2,\), got shape \(3,\)"),
         (
             lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, [0.5, 1.0]),
-            "seeds of Swimmer-v5, which is noisy, must be whole numbers, got float64 like 0.5",
+            "seeds of Swimmer-v5, which is noisy, must be whole numbers, got float 0.5",
         ),
         (lambda: tasks.Gym("Swimmer-v5")("fast"), r"genotypes of Swimmer-v5 must be numbers of shape \(n, 7\), got 'fast'"),
         (lambda: tasks.Gym("Swimmer-v5", fitness=lambda e: "x")(ZEROS), "what fitness returns must be numbers, got 'x'$"),

@@ -130,7 +130,7 @@ def test_evaluations_that_are_none(learned):
     for rows in ([0.5], [], [[1, 2], [3]], "all"):
         with pytest.raises(ValueError, match=r"rows must be whole numbers of shape \(n,\), at least one, got "):
             learned.evaluate(Ballistic(), rows)
-    with pytest.raises(TypeError, match="task must be callable, got 'ballistic'"):
+    with pytest.raises(TypeError, match="task must be callable, an instance and not a class, got 'ballistic'"):
         learned.evaluate("ballistic")
     with pytest.raises(auroraqd.TaskError, match="task <lambda> with skills of the repertoire raised OSError: no motor"):
         learned.evaluate(lambda g: (_ for _ in ()).throw(OSError("no motor")), [0])

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import auroraqd
 from auroraqd.report import history_figure, repertoire_figure, write_figures
 from auroraqd.report.run import fitness_figure
-from auroraqd.report.style import two_dimensional_colors
+from auroraqd.report.style import save_figure, two_dimensional_colors
 
 
 def repertoire(task, descriptor, tmp_path, **options):
@@ -81,3 +82,14 @@ def test_one_individual(tmp_path):
     )
     assert len(found) == 1
     assert len(write_figures(tmp_path)) == 6
+
+
+def test_a_figure_is_as_before_when_it_has_been_written(tmp_path):
+    figure = Figure(dpi=90, layout="constrained")
+    figure.subplots().plot([1, 2])
+    engine, canvas = figure.get_layout_engine(), figure.canvas
+    save_figure(figure, tmp_path, "f")
+    assert (figure.dpi, figure.canvas, figure.get_layout_engine()) == (90, canvas, engine)
+    before = (tmp_path / "f.png").read_bytes()
+    save_figure(figure, tmp_path, "f")
+    assert (tmp_path / "f.png").read_bytes() == before

@@ -7,7 +7,7 @@ Quality-Diversity search with behavioural descriptors learned from sensory data 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Public name to the module that has it. Loaded when first used: the command line must answer before NumPy, Numba and
 # scikit-learn are imported.

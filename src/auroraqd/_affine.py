@@ -37,7 +37,8 @@ class Affine(NamedTuple):
 
     def describe(self, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Descriptors, (n, d), and the root mean square errors of their reconstructions, (n,), on the scale [-1, 1]."""
-        observation = np.ascontiguousarray(observation, np.float64)
+        observation = np.ascontiguousarray(observation, np.float64)[:]
+        observation.flags.writeable = False  # a column of an archive is not either: one kernel for both
         z, error = np.empty((len(observation), len(self.offset))), np.empty(len(observation))
         _describe(observation, *self, z, error)
         return z, error

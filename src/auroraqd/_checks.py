@@ -46,12 +46,19 @@ def numbers(name: str, values: Any, shape: str = "") -> np.ndarray:
     Raises:
         ValueError: they are no numbers, or not rows of one shape. None is no number, and not NaN.
     """
+    return numeric(name, values, shape).astype(np.float64, copy=False)
+
+
+def numeric(name: str, values: Any, shape: str = "") -> np.ndarray:
+    """As `numbers`, of the dtype that they have, if it is one of numbers."""
     try:
         array = np.asarray(values)
-        if array.dtype.kind in "cmMSU" or (array.dtype.kind == "O" and any(entry is None for entry in array.flat)):
+        if array.dtype.kind in "biuf":
+            return array
+        if array.dtype.kind != "O" or any(entry is None or isinstance(entry, str | bytes) for entry in array.flat):
             raise TypeError
-        return array.astype(np.float64, copy=False)
-    except (TypeError, ValueError):
+        return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be numbers{shape}, got {reprlib.repr(values)}") from None
 
 
@@ -61,17 +68,19 @@ def seeds_for(name: str, seeds: Any, n: int) -> np.ndarray:
     Raises:
         ValueError: they are something else.
     """
-    try:
-        array = np.asarray(seeds)
-    except ValueError:  # not of one shape
-        array = np.asarray(None)
-    if seeds is None or array.shape != (n,):
-        came = "none" if seeds is None else f"shape {array.shape}" if array.ndim else reprlib.repr(seeds)
+    if not isinstance(seeds, np.ndarray):
+        # Of whole numbers on both sides of 2**63, NumPy would make floats.
+        seeds = np.asarray(None if seeds is None else list(seeds) if np.iterable(seeds) else seeds, object)
+    if seeds.shape != (n,):
+        came = f"shape {seeds.shape}" if seeds.ndim else "none" if seeds[()] is None else repr(seeds[()])
         raise ValueError(f"{name} must have shape ({n},), got {came}")
-    # Python's own are of any size.
-    if array.dtype.kind not in "iu" and not (array.dtype.kind == "O" and all(type(seed) is int for seed in array)):
-        raise ValueError(f"{name} must be whole numbers, got {array.dtype} like {array[:1].tolist()[0] if n else array}")
-    return array
+    if seeds.dtype.kind in "iu":
+        return seeds
+    wrong = [seed for seed in seeds.tolist() if not isinstance(seed, int | np.integer) or isinstance(seed, bool)]
+    if wrong:
+        raise ValueError(f"{name} must be whole numbers, got {type(wrong[0]).__name__} {wrong[0]!r}")
+    fits = all(0 <= seed < 2**64 for seed in seeds)
+    return seeds.astype(np.uint64) if fits else seeds  # Python's own are of any size
 
 
 def rows_of(shape: tuple[int, ...]) -> str:

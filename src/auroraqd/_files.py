@@ -24,7 +24,10 @@ def as_path(name: str, value: Any) -> Path:
 
 def told(error: OSError, what: str) -> OSError:
     """The same kind of error as a sentence, without the number: what could not be done, and why."""
-    sentence = type(error)(f"{what}: {error.strerror or error}")
+    try:
+        sentence = type(error)(f"{what}: {error.strerror or error}")
+    except TypeError:  # a kind that is made in another way
+        sentence = OSError(f"{what}: {error.strerror or error}")
     sentence.errno = error.errno
     return sentence
 
@@ -38,7 +41,8 @@ def folder_at(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise NotADirectoryError(f"{path} must be a folder, and is a file") from None
+        what = "a link that leads nowhere" if path.is_symlink() and not path.exists() else "a file"
+        raise NotADirectoryError(f"{path} must be a folder, and is {what}") from None
     except OSError as error:
         raise told(error, f"the folder {path} could not be created") from None
     return path
@@ -61,7 +65,7 @@ def replacing(path: Path) -> Iterator[Any]:
     except BaseException as error:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError):
+        if isinstance(error, OSError) and error.filename in (None, str(temporary)):  # not of another file
             raise told(error, f"{path} could not be written") from error
         raise
     _sync_folder(path.parent)

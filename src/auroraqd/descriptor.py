@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._affine import Affine
-from auroraqd._checks import finite_rows, numbers, rows_of
+from auroraqd._checks import finite_rows, numbers, numeric, rows_of
 from auroraqd.scaling import Scaler, Scaling
 
 HAND_CODED = "hand-coded"
@@ -23,8 +23,9 @@ OBSERVATION = "observation"
 NAMES = (HAND_CODED, GENOTYPE, OBSERVATION)
 
 
-_FOLDED = 2048
-"""Entries of an observation, at most, for which affine transformers become matrices: that takes the square of them."""
+_FOLDED = 2048, 32
+"""Entries of an observation, and of a descriptor, at most, for which affine transformers become matrices: that takes the square
+of the first, and products of large ones are faster elsewhere."""
 
 
 class DescriptorError(ValueError):
@@ -118,7 +119,7 @@ class Descriptor:
         scaling, shape = Scaling.of(observation), observation.shape[1:]
         if isinstance(self.source, str):
             return self.restored(scaling, shape)
-        transformer: Any = copy.deepcopy(self.source)
+        transformer: Any = self._copied(self.source)
         x = scaling.scaler(observation[0].size)(observation)
         x = x.reshape(observation.shape) if _natural(transformer) else x
         try:
@@ -126,9 +127,18 @@ class Descriptor:
         except Exception as error:
             name = type(transformer).__name__
             raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
-        # A copy has each array in one piece, as a file has it. In pieces, products would be rounded in another way, and a run
-        # that goes on from a file would take another course.
-        return Descriptor(copy.deepcopy(transformer)).restored(scaling, shape)
+        if type(transformer).__module__.startswith("sklearn."):
+            # A copy has each array in one piece, as a file has it. In pieces, products would be rounded in another way, and a
+            # run that goes on from a file would take another course.
+            transformer = self._copied(transformer)
+        return Descriptor(transformer).restored(scaling, shape)
+
+    @staticmethod
+    def _copied(transformer: Any) -> Any:
+        try:
+            return copy.deepcopy(transformer)
+        except Exception as error:
+            raise DescriptorError(f"{type(transformer).__name__} could not be copied to be fitted anew: {error}") from error
 
     def restored(self, scaling: Scaling, shape: tuple[int, ...]) -> "Descriptor":
         """The descriptor of a transformer that has been fitted on observations of this shape, scaled like this."""
@@ -137,9 +147,11 @@ class Descriptor:
         if isinstance(self.source, str):
             return replace(fitted, encode=_unchanged)
         encode, decode = _functions(self.source, shape)
-        if decode is None or features > _FOLDED or not _is_affine(self.source):
+        if decode is None or features > _FOLDED[0] or not _is_affine(self.source):
             return replace(fitted, encode=encode, decode=decode)
         affine = Affine.of(scaling.scaler(features), encode, decode)
+        if len(affine.offset) > _FOLDED[1]:
+            return replace(fitted, encode=encode, decode=decode)
         return replace(fitted, encode=encode, decode=affine.reconstruct, affine=affine)
 
     def describe_observation(self, observation: ArrayLike) -> np.ndarray:
@@ -153,8 +165,7 @@ class Descriptor:
             raise RuntimeError(f"the descriptor {self.source!r} is not learned from observations")
         if not self.ready:
             raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
-        numbers("observation", observation)  # or it raises; they stay of the dtype that they are
-        observation = np.atleast_1d(observation)
+        observation = np.atleast_1d(numeric("observation", observation))
         if not finite_rows(observation).all():
             raise ValueError("observation must be finite, got a NaN or an infinity")
         if self.affine is not None:

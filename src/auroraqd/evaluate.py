@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd._checks import number, numbers, seeds_for, whole
+from auroraqd._checks import number, numeric, seeds_for, whole
 from auroraqd._trust import Trust, Worker, this_worker
 from auroraqd._workers import cores
 from auroraqd.executors import START, Refused, dask, load, processes
@@ -169,8 +169,7 @@ class Spread:
             RuntimeError: nothing can be evaluated: the workers cannot load the task, die at once, or all individuals fail.
             ValueError: the task returned something that is no evaluation, or an argument has another shape.
         """
-        numbers("genotypes", genotypes, " of shape (n, n_genes)")  # or it raises; they stay of the dtype that they are
-        genotypes = np.asarray(genotypes)
+        genotypes = numeric("genotypes", genotypes, " of shape (n, n_genes)")
         if genotypes.ndim != 2:
             raise ValueError(f"genotypes must have shape (n, n_genes), got {genotypes.shape}")
         seeds = None if seeds is None else seeds_for("seeds", seeds, len(genotypes))

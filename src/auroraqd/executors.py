@@ -6,6 +6,7 @@ work from some workers.
 """
 
 import logging
+import math
 import multiprocessing
 import os
 import pickle
@@ -13,6 +14,7 @@ import time
 import uuid
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
+from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -148,34 +150,34 @@ class _DaskExecutor(Executor):
         self._client = client
         self._sent: dict[Future, Any] = {}  # and not finished, with Dask's own futures
         self._who: dict[str, Worker] = {}  # addresses of workers to their processes
+        self._asked = -math.inf
         self._plugin: str | None = None
 
     @property
     def workers(self) -> int:
         """Threads of all workers there are now; waits for the first."""
+        self._ask_for_lost()
         if not self._client.nthreads():
             _log.warning("waiting for workers of the Dask cluster %s", self._client.scheduler.address)
             while not self._client.nthreads():
-                try:
+                with suppress(TimeoutError):
                     self._client.wait_for_workers(1, timeout=_RESTART)
-                except TimeoutError:
-                    self._start_again()
+                self._ask_for_lost()
         return sum(self._client.nthreads().values())
 
-    def _start_again(self) -> None:
-        """Start the workers of a cluster on this machine, whose nannies are gone too. Others are left to their scheduler."""
-        from distributed import LocalCluster
+    def _ask_for_lost(self) -> None:
+        """Ask the cluster, from time to time, for the workers that it has given up.
 
-        cluster = self._client.cluster
-        if not isinstance(cluster, LocalCluster) or not cluster.worker_spec:
+        It gives up one that its nanny has not replaced within 15 s ("distributed.deploy.lost-worker-timeout"), for good.
+        """
+        if time.monotonic() < self._asked + _RESTART:
             return
-        wanted = len(cluster.worker_spec)
-        _log.warning("all workers of the Dask cluster are gone, and so are their nannies: %d are started", wanted)
-        cluster.scale(0)
-        deadline = time.monotonic() + _RESTART
-        while cluster.workers and time.monotonic() < deadline:
-            time.sleep(0.05)
-        cluster.scale(wanted)
+        self._asked = time.monotonic()
+        cluster = self._client.cluster  # None if somebody else has made it
+        lost = set(getattr(cluster, "worker_spec", ())) - set(getattr(cluster, "workers", ()))
+        if lost:
+            _log.warning("the Dask cluster is asked for %d lost workers", len(lost))
+            cluster.scale(len(cluster.worker_spec))  # which does nothing about those that are starting
 
     def prepare(self, content: bytes, name: str) -> list[Worker]:
         """Make the task ready on all workers there are now, and on those that come before they are given any work."""

@@ -207,8 +207,8 @@ class Repertoire:
             TaskError: the task raised, or returned something else than promised.
             TypeError: the task cannot be called.
         """
-        if not callable(task):
-            raise TypeError(f"task must be callable, got {task!r}")
+        if isinstance(task, type) or not callable(task):
+            raise TypeError(f"task must be callable, an instance and not a class, got {task!r}")
         self._check_any("evaluate")
         chosen = np.arange(len(self)) if rows is None else self._rows(rows)
         genotype, stored = self.genotype[chosen], self.observation[chosen]

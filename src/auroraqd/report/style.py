@@ -32,14 +32,21 @@ def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
         OSError: they cannot be written.
     """
     png, svg = folder / f"{name}.png", folder / f"{name}.svg"
+    before = figure.dpi, figure.canvas, figure.get_layout_engine()
     figure.dpi = _DPI
-    # By the canvas itself: `Figure.savefig` draws twice, and lays out each time, which takes as long as drawing.
-    with mpl.rc_context(STYLE):
-        with replacing(png) as file:
-            FigureCanvasAgg(figure).print_png(file)
-        figure.set_layout_engine("none")
-        with replacing(svg) as file:
-            FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
+    try:
+        # By the canvas itself: `Figure.savefig` draws twice, and lays out each time, which takes as long as drawing.
+        with mpl.rc_context(STYLE):
+            with replacing(png) as file:
+                FigureCanvasAgg(figure).print_png(file)
+            figure.set_layout_engine("none")
+            with replacing(svg) as file:
+                FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
+    finally:
+        dpi, canvas, engine = before
+        figure.dpi = dpi
+        figure.set_canvas(canvas)
+        figure.set_layout_engine(engine if engine is not None else "none")
     return [png, svg]
 
 

@@ -223,7 +223,7 @@ class Gym:
         try:
             returned = function(episode)
         except (AttributeError, TypeError, ValueError, IndexError) as error:  # what None leads to
-            if not missing:
+            if not missing or not ("None" in str(error) or isinstance(error, np.exceptions.AxisError)):
                 raise
             raise ValueError(f"fitness raised {type(error).__name__}: {error}{hint}") from error
         try:
