@@ -38,7 +38,7 @@ def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
         # By the canvas itself: `Figure.savefig` draws twice, and lays out each time, which takes as long as drawing.
         with mpl.rc_context(STYLE):
             with replacing(png) as file:
-                FigureCanvasAgg(figure).print_png(file)
+                FigureCanvasAgg(figure).print_png(file, pil_kwargs={"compress_level": 4})  # as small as 6 makes it, and sooner
             figure.set_layout_engine("none")
             with replacing(svg) as file:
                 FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
