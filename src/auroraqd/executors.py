@@ -174,10 +174,17 @@ class _DaskExecutor(Executor):
             return
         self._asked = time.monotonic()
         cluster = self._client.cluster  # None if somebody else has made it
-        lost = set(getattr(cluster, "worker_spec", ())) - set(getattr(cluster, "workers", ()))
+        wanted, there = getattr(cluster, "worker_spec", {}), getattr(cluster, "workers", {})
+        for name, worker in list(there.items()):
+            if getattr(getattr(worker, "status", None), "value", None) in (
+                "closed",
+                "failed",
+            ):  # it failed to start: the cluster would keep it as it is
+                there.pop(name, None)
+        lost = wanted.keys() - there.keys()
         if lost:
             _log.warning("the Dask cluster is asked for %d lost workers", len(lost))
-            cluster.scale(len(cluster.worker_spec))  # which does nothing about those that are starting
+            cluster.scale(len(wanted))  # which does nothing about those that are starting
 
     def prepare(self, content: bytes, name: str) -> list[Worker]:
         """Make the task ready on all workers there are now, and on those that come before they are given any work."""
