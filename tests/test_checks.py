@@ -31,7 +31,7 @@ def test_no_seeds():
     ("seeds", "message"),
     [
         ([1, 2], r"seeds must have shape \(3,\), got shape \(2,\)"),
-        (None, r"seeds must have shape \(3,\), got none"),
+        (None, r"seeds must have shape \(3,\), got None"),
         (7, r"seeds must have shape \(3,\), got 7"),
         ([1, 2.5, 3], "seeds must be whole numbers, got float 2.5"),
         (np.ones(3), "seeds must be whole numbers, got float 1.0"),

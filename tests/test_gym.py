@@ -503,7 +503,7 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5")(np.zeros((2, 3))), r"genotypes of Swimmer-v5 must have shape \(n, 7\), got \(2, 3\)"),
         (lambda: tasks.Gym("Swimmer-v5")(ZEROS[:0]), "there must be at least one genotype"),
         (lambda: tasks.Gym("Swimmer-v5")(ZEROS, np.arange(2)), "seeds are for noisy=True"),
-        (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS), r"seeds of Swimmer-v5, .* must have shape \(2,\), got none"),
+        (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS), r"seeds of Swimmer-v5, .* must have shape \(2,\), got None"),
         (lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, np.arange(3)), r"must have shape \(2,\), got shape \(3,\)"),
         (
             lambda: tasks.Gym("Swimmer-v5", noisy=True)(ZEROS, [0.5, 1.0]),

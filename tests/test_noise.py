@@ -88,7 +88,7 @@ def test_seeds_that_are_none(task, seeds, message):
 
 def test_a_seeded_function_needs_seeds():
     for task in (tasks.each(one, seeded=True), tasks.from_jax(in_jax, seeded=True)):
-        with pytest.raises(ValueError, match=rf"seeds of {task.__name__} must have shape \(2,\), got none"):
+        with pytest.raises(ValueError, match=rf"seeds of {task.__name__} must have shape \(2,\), got None"):
             task(GENOTYPES[:2])
 
 

@@ -62,6 +62,21 @@ def numeric(name: str, values: Any, shape: str = "") -> np.ndarray:
         raise ValueError(f"{name} must be numbers{shape}, got {reprlib.repr(values)}") from None
 
 
+def whole_numbers(name: str, values: Any) -> np.ndarray:
+    """The values as an array of int64.
+
+    Raises:
+        ValueError: they are no whole numbers, or not rows of one shape.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} must be an array of whole numbers") from None
+    if array.dtype.kind not in "iu" and array.size:
+        raise ValueError(f"{name} must be whole numbers, got {array.dtype}")
+    return array.astype(np.int64, copy=False)
+
+
 def seeds_for(name: str, seeds: Any, n: int) -> np.ndarray:
     """Seeds, one for each of n individuals, (n,) whole numbers.
 
@@ -70,17 +85,16 @@ def seeds_for(name: str, seeds: Any, n: int) -> np.ndarray:
     """
     if not isinstance(seeds, np.ndarray):
         # Of whole numbers on both sides of 2**63, NumPy would make floats.
-        seeds = np.asarray(None if seeds is None else list(seeds) if np.iterable(seeds) else seeds, object)
+        seeds = np.asarray(list(seeds) if np.iterable(seeds) else seeds, object)
     if seeds.shape != (n,):
-        came = f"shape {seeds.shape}" if seeds.ndim else "none" if seeds[()] is None else repr(seeds[()])
+        came = f"shape {seeds.shape}" if seeds.ndim else reprlib.repr(seeds[()])
         raise ValueError(f"{name} must have shape ({n},), got {came}")
     if seeds.dtype.kind in "iu":
         return seeds
     wrong = [seed for seed in seeds.tolist() if not isinstance(seed, int | np.integer) or isinstance(seed, bool)]
     if wrong:
         raise ValueError(f"{name} must be whole numbers, got {type(wrong[0]).__name__} {wrong[0]!r}")
-    fits = all(0 <= seed < 2**64 for seed in seeds)
-    return seeds.astype(np.uint64) if fits else seeds  # Python's own are of any size
+    return seeds  # Python's own are of any size
 
 
 def rows_of(shape: tuple[int, ...]) -> str:

@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from auroraqd import _neighbours
-from auroraqd._checks import finite_rows, number, rows_of, whole
+from auroraqd._checks import finite_rows, number, rows_of, whole, whole_numbers
 from auroraqd._interrupts import uninterrupted
 from auroraqd.population import Population
 
@@ -298,7 +298,7 @@ class Archive(ABC):
             ValueError: the ids are no whole numbers.
         """
         order = np.argsort(self.id)
-        ids = _whole_numbers("ids", ids)
+        ids = whole_numbers("ids", ids)
         rows = np.full(ids.shape, -1)
         if len(order):
             found = order[np.minimum(np.searchsorted(self.id, ids, sorter=order), len(order) - 1)]
@@ -316,7 +316,7 @@ class Archive(ABC):
         Raises:
             ValueError: ids are no whole numbers, status no numbers, or they are not of one shape (n,).
         """
-        ids, status = _whole_numbers("parent_ids", parent_ids), np.asarray(status)
+        ids, status = whole_numbers("parent_ids", parent_ids), np.asarray(status)
         if ids.shape != status.shape or ids.ndim != 1:
             raise ValueError(f"parent_ids and status must have one shape (n,), got {ids.shape} and {status.shape}")
         if status.dtype.kind not in "biuf":
@@ -500,17 +500,6 @@ def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
         raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
         raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
-
-
-def _whole_numbers(name: str, values: ArrayLike) -> np.ndarray:
-    """The values as an array of int64."""
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ValueError(f"{name} must be an array of whole numbers") from None
-    if array.dtype.kind not in "iu" and array.size:
-        raise ValueError(f"{name} must be whole numbers, got {array.dtype}")
-    return array.astype(np.int64, copy=False)
 
 
 def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type | None = None) -> np.ndarray:

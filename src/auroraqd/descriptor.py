@@ -23,9 +23,9 @@ OBSERVATION = "observation"
 NAMES = (HAND_CODED, GENOTYPE, OBSERVATION)
 
 
-_FOLDED = 2048, 32
-"""Entries of an observation, and of a descriptor, at most, for which affine transformers become matrices: that takes the square
-of the first, and products of large ones are faster elsewhere."""
+_FOLDED_FEATURES, _FOLDED_COMPONENTS = 2048, 32
+"""What an affine transformer reads and gives, at most, to become matrices: to find them takes the square of the first, and
+products of larger ones are faster elsewhere."""
 
 
 class DescriptorError(ValueError):
@@ -147,12 +147,10 @@ class Descriptor:
         if isinstance(self.source, str):
             return replace(fitted, encode=_unchanged)
         encode, decode = _functions(self.source, shape)
-        if decode is None or features > _FOLDED[0] or not _is_affine(self.source):
-            return replace(fitted, encode=encode, decode=decode)
-        affine = Affine.of(scaling.scaler(features), encode, decode)
-        if len(affine.offset) > _FOLDED[1]:
-            return replace(fitted, encode=encode, decode=decode)
-        return replace(fitted, encode=encode, decode=affine.reconstruct, affine=affine)
+        if decode is not None and _is_small(encode, features) and _is_affine(self.source):
+            affine = Affine.of(scaling.scaler(features), encode, decode)
+            return replace(fitted, encode=encode, decode=affine.reconstruct, affine=affine)
+        return replace(fitted, encode=encode, decode=decode)
 
     def describe_observation(self, observation: ArrayLike) -> np.ndarray:
         """Descriptors, (n, d) float64, of observations, (n, ...).
@@ -286,6 +284,11 @@ class _Composed(NamedTuple):
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         rows = self.function(rows if self.before is None else rows.reshape(len(rows), *self.before))
         return rows if self.after is None else rows.reshape(len(rows), *self.after)
+
+
+def _is_small(encode: Any, features: int) -> bool:
+    """Whether matrices pay for an affine function of (n, features)."""
+    return features <= _FOLDED_FEATURES and np.shape(encode(np.zeros((1, features))))[1] <= _FOLDED_COMPONENTS
 
 
 def _is_affine(transformer: Any) -> bool:

@@ -176,10 +176,8 @@ class _DaskExecutor(Executor):
         cluster = self._client.cluster  # None if somebody else has made it
         wanted, there = getattr(cluster, "worker_spec", {}), getattr(cluster, "workers", {})
         for name, worker in list(there.items()):
-            if getattr(getattr(worker, "status", None), "value", None) in (
-                "closed",
-                "failed",
-            ):  # it failed to start: the cluster would keep it as it is
+            status = getattr(getattr(worker, "status", None), "value", None)
+            if status in ("closed", "failed"):  # it could not start, and the cluster would keep it as it is
                 there.pop(name, None)
         lost = wanted.keys() - there.keys()
         if lost:
