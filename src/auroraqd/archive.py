@@ -243,7 +243,7 @@ class Archive(ABC):
         for name, rows in batch.items():
             check_like(name, rows, self._population.raw(name))
 
-    def redescribe(self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None) -> None:
+    def redescribe(self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, least: int = 0) -> int:
         """Give every individual a new descriptor and add all again, oldest first (paper, Sec. "AURORA").
 
         Individuals that have become alike compete, so the archive may shrink. Ids and curiosity stay.
@@ -251,6 +251,10 @@ class Archive(ABC):
         Args:
             descriptor: (n, any d), one for each row.
             reconstruction_error: (n,), likewise. None: the column is dropped.
+            least: if fewer than these would stay, the archive is unchanged.
+
+        Returns:
+            How many stay, or would.
 
         Raises:
             ValueError: wrong shape, or a NaN or infinity; the archive is unchanged.
@@ -265,26 +269,42 @@ class Archive(ABC):
         if not np.isfinite(new["descriptor"]).all():
             raise ValueError("descriptor must be finite, got a NaN or an infinity")
         with self._lock, uninterrupted():
-            self._add_again(new)
+            return self._add_again(new, whole("least", least, least=0))
 
-    def _add_again(self, new: dict[str, np.ndarray]) -> None:
-        """Add all, oldest first, with new descriptors."""
+    def _add_again(self, new: dict[str, np.ndarray], least: int) -> int:
+        """Add all, oldest first, with new descriptors, unless fewer than `least` would stay; returns how many."""
         size = len(self)
-        self._clear()
-        self._rearranged += 1
         if size == 0:
-            return
+            self._clear()
+            self._rearranged += 1
+            return 0
         order = np.argsort(self.id)
         status = np.full(size, REJECTED, np.int8)
-        target = self._place(new["descriptor"][order], self.fitness[order], status)
+        self._clear()
+        try:
+            target = self._place(new["descriptor"][order], self.fitness[order], status)
+        except BaseException:
+            self._remember_again()
+            raise
+        staying = int(np.count_nonzero(status == NEW))
+        if staying < least:
+            self._remember_again()
+            return staying
+        self._rearranged += 1
         kept = target >= 0
-        source = np.empty(np.count_nonzero(status == NEW), np.int64)
+        source = np.empty(staying, np.int64)
         source[target[kept]] = order[kept]  # the last to be stored in a row is who is there
         new = {name: rows[source] for name, rows in new.items()}  # before the rest moves: these may be views of it
         self._population.gather(source)
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
             self._population.set(name, rows)
+        return staying
+
+    def _remember_again(self) -> None:
+        """Find the way back into individuals that are there, after an attempt to add them again."""
+        self._clear()
+        self._remember()
 
     @property
     def rearranged(self) -> int:
@@ -439,17 +459,25 @@ class UnstructuredArchive(Archive):
         self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=value)
 
     def redescribe(
-        self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, l: float | None = None
-    ) -> None:
+        self,
+        descriptor: ArrayLike,
+        *,
+        reconstruction_error: ArrayLike | None = None,
+        least: int = 0,
+        l: float | None = None,
+    ) -> int:
         """As `Archive.redescribe`, with a new l if one is given."""
         with self._lock, uninterrupted():
             previous = self._l
             self._l = previous if l is None else number("l", l)
+            taken = False
             try:
-                super().redescribe(descriptor, reconstruction_error=reconstruction_error)
-            except ValueError:
-                self._l = previous
-                raise
+                staying = super().redescribe(descriptor, reconstruction_error=reconstruction_error, least=least)
+                taken = staying >= least
+            finally:
+                if not taken:
+                    self._l = previous
+            return staying
 
     def novelty(self) -> np.ndarray:
         """(n,) float64: mean distance of each individual to its k nearest, itself left out."""

@@ -13,17 +13,20 @@ import numpy as np
 
 from auroraqd import resolution, schedule, selection, variation
 from auroraqd.archive import Archive, UnstructuredArchive
-from auroraqd.aurora import Aurora
+from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.batch import Batch, Pending
 from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, Tessellation
 from auroraqd.descriptor import Descriptor
 from auroraqd.history import History, Record
+from auroraqd.update import Attempts
 
 _STRATEGIES = {"selection": selection, "variation": variation, "resolution": resolution, "schedule": schedule}
 _COLUMNS = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id", "ground_truth", "reconstruction_error")
 _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits", "_update_due", "_counts")
-_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds")
+_SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0}  # plain too, and not in files of version 0.2.0
+_RECORDED = tuple(name for name in Record._fields if name != "seconds")
+_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds", "_attempts")
 
 
 class State(NamedTuple):
@@ -40,10 +43,11 @@ class State(NamedTuple):
 
 def state_of(aurora: Aurora) -> State:
     """The state of a run at any moment, also between `ask` and `tell`."""
-    assert set(vars(aurora)) == {*_PLAIN, *_OTHERS}, "a field of Aurora would not be kept"
+    assert set(vars(aurora)) == {*_PLAIN, *_SINCE, *_OTHERS}, "a field of Aurora would not be kept"
     archive, records = aurora.archive, aurora.history.records
     values = {
-        **{name: getattr(aurora, name) for name in _PLAIN},
+        **{name: getattr(aurora, name) for name in (*_PLAIN, *_SINCE)},
+        "attempts": list(aurora._attempts),
         "settings": settings_of(aurora),
         "random": aurora._rng.bit_generator.state,
         "archive": archive.state,
@@ -55,7 +59,9 @@ def state_of(aurora: Aurora) -> State:
     arrays = {
         **{name: column for name, column in columns.items() if column is not None},
         **{f"archive.{name}": array for name, array in archive.constants.items()},
-        "history": np.array(records, np.float64).reshape(len(records), len(Record._fields))[:, :-1].copy(),  # but for times
+        "history": np.array([[getattr(r, name) for name in _RECORDED] for r in records], np.float64).reshape(
+            -1, len(_RECORDED)
+        ),
     }
     for prefix, batch in (("pending", aurora._pending), ("waiting", aurora._waiting)):
         fields = {} if batch is None else batch._asdict()
@@ -80,6 +86,9 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     aurora = Aurora.__new__(Aurora)
     for name in _PLAIN:
         setattr(aurora, name, values[name])
+    for name, value in _SINCE.items():
+        setattr(aurora, name, values.get(name, value))
+    aurora._attempts = Attempts(*values.get("attempts", ()))
     for name, module in _STRATEGIES.items():
         setattr(aurora, name, parts[name] if name in parts else _strategy(name, values["settings"][name], module))
     archive = _archive(values["settings"]["archive"], _named("archive", arrays), parts.get("archive"))
@@ -104,6 +113,8 @@ def settings_of(aurora: Aurora) -> dict[str, Any]:
         "descriptor": _called(aurora.descriptor.source),
         "seed": aurora.seed,
         "batch_size": aurora.batch_size,
+        "robust": aurora.robust,
+        "survival": aurora.survival,
         "archive": {"type": type(archive).__name__, **archive.settings},
         **{name: as_json(getattr(aurora, name)) for name in _STRATEGIES},
     }
@@ -155,6 +166,6 @@ def _named(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
 
 
 def _record(row: np.ndarray, seconds: Mapping[int, float]) -> Record:
-    kinds = list(Record.__annotations__.values())
-    values: Any = [kind(value) for kind, value in zip(kinds, row.tolist(), strict=False)]
-    return Record(*values, seconds=seconds.get(int(row[0]), float("nan")))
+    names = _RECORDED[: len(row)]  # earlier versions had fewer
+    values: Any = {name: Record.__annotations__[name](value) for name, value in zip(names, row.tolist(), strict=True)}
+    return Record(**values, seconds=seconds.get(int(row[0]), float("nan")))
