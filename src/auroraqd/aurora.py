@@ -312,7 +312,8 @@ class Aurora:
 
     def _told(self, pending: Pending, evaluation: Evaluation) -> np.ndarray:
         """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
-        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
+        born = np.arange(self.evaluations, self.evaluations + len(pending.genotype))
+        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, born, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
         readable = self._descriptor.readable(batch.observation, batch.ground_truth)
@@ -374,6 +375,8 @@ class Aurora:
             values,
             ground_truth=individuals.ground_truth,
             reconstruction_error=error,
+            born=individuals.born,
+            parent=individuals.parent_id,
         )
 
     def _done(self, pending: Pending, status: np.ndarray, rmse: float) -> None:
