@@ -111,7 +111,7 @@ def _fitted_on(sources: Sources, robust: bool) -> np.ndarray:
     largest, count = np.abs(x[far].astype(np.float64)).max(), np.count_nonzero(far)
     warnings.warn(
         f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
-        f"{largest:.3g}, and set aside when the descriptor is fitted: {sources.called(np.flatnonzero(far))}. What is stored stays stored",
+        f"{largest:.3g}, set aside when the descriptor is fitted: {sources.called(np.flatnonzero(far))}. What is stored stays",
         stacklevel=6,
     )
     return x[~far]
