@@ -31,8 +31,8 @@ from auroraqd.update import FIRST_FITS, Attempts, RefusedUpdate, Sources, Update
 from auroraqd.variation import Polynomial
 
 SURVIVAL = 0.25
-"""The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them, the
-smallest of auto-encoders; two of three on archives of fewer than 100 in five dimensions, 0.4."""
+"""The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
+those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were kept."""
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
 
@@ -54,9 +54,9 @@ class Aurora:
         schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
             descriptor that is not learned is updated likewise, without the refit.
         prior: observations, (n, ...), on which the descriptor is fitted once, now, with its scaling; it is then never refitted.
-        survival: the least share of the individuals stored, or of those that the resolution aims at if these are fewer, that must
-            survive an update of the descriptor and l; one that leaves fewer is refused, with a warning, and the descriptor before
-            it stays (`auroraqd.update`). 0: none is refused for that.
+        survival: the least share of the individuals stored, or of those that the resolution aims at if these are fewer, that
+            must survive an update of the descriptor and l; one that leaves fewer is refused, with a warning, and the descriptor
+            before it stays (`auroraqd.update`). 0: none is refused for that.
         robust: whether observations far outside all others, one in a hundred at most, are set aside, with a warning, when the
             descriptor and its scaling are fitted (`auroraqd.scaling.far_outside`). False is the rule of the paper.
 

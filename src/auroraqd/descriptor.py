@@ -86,6 +86,8 @@ class Descriptor:
             raise TypeError(
                 f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {source!r}"
             )
+        if hasattr(source, "check_parameters"):
+            source.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]
         return cls(_seeded(copy.deepcopy(source), rng))
 
     @property
@@ -285,8 +287,8 @@ def _works(transformer: Any, encode: Any, decode: Any, features: int) -> bool:
         reason = "" if none else f"{type(error).__name__}: {error}"
     if reason:
         warnings.warn(
-            f"the inverse_transform of {type(transformer).__name__} does not work, so there are no reconstructions and no errors of "
-            f"them: {reason}",
+            f"the inverse_transform of {type(transformer).__name__} does not work, so there are no reconstructions and no "
+            f"errors of them: {reason}",
             stacklevel=4,
         )
     return found == wanted

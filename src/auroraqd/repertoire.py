@@ -14,7 +14,7 @@ from auroraqd._checks import in_short, numbers, whole
 from auroraqd.descriptor import Descriptor
 from auroraqd.history import History
 from auroraqd.population import ORIGIN, REQUIRED
-from auroraqd.scaling import Scaling
+from auroraqd.scaling import Scaling, far_outside
 from auroraqd.tasks import Evaluation, Genes, evaluated
 from auroraqd.tasks.noise import other_seeds, seeds_at
 
@@ -250,6 +250,13 @@ class Repertoire:
     def sample(self, n: int) -> np.ndarray:
         """Rows of n skills spread over descriptor space, always the same; fewer, if the rest are copies. See `diverse`."""
         return diverse(self.descriptor, whole("n", n))
+
+    def outlying(self) -> np.ndarray:
+        """Rows of skills whose observations lie far outside all others, (m,); see `auroraqd.scaling.far_outside`.
+
+        They are set aside when the descriptor is fitted: a simulation may have blown up.
+        """
+        return np.flatnonzero(far_outside(self.observation))
 
     def evaluate(
         self,

@@ -69,8 +69,12 @@ def run(
         ),
     ] = "polynomial",
     resolution: Annotated[
-        str, typer.Option(help="How l follows the descriptors: vat, vat:cells=47124 or fixed:l=0.05.")
-    ] = "vat",
+        str,
+        typer.Option(
+            help="How l follows the descriptors: vat:cells=47124 (cells that they span), size:individuals=10000 (about how "
+            "many to store), fixed:l=0.05; auto: vat in one and two dimensions, size in more."
+        ),
+    ] = "auto",
     schedule: Annotated[
         str, typer.Option(help="When the descriptor is refitted: doubling:first=50, every:generations=100 or never.")
     ] = "doubling",
@@ -86,6 +90,12 @@ def run(
     competition: Annotated[str, typer.Option(help="Who stays of two alike: dominance or elitist.")] = "dominance",
     capacity: Annotated[int | None, typer.Option(help="Most individuals to store. [default: no limit]")] = None,
     l: Annotated[float, typer.Option("--l", help="Distance threshold until the resolution sets it.")] = 0.0,
+    survival: Annotated[
+        float, typer.Option(help="Least share of the stored that an update of the descriptor must leave, or it is refused.")
+    ] = 0.25,
+    robust: Annotated[
+        bool, typer.Option(help="Set observations far outside all others aside when the descriptor is fitted.")
+    ] = True,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
     checkpoint_every: CheckpointOption = 10.0,
@@ -115,6 +125,8 @@ def run(
         epsilon=epsilon,
         competition=competition,
         capacity=capacity,
+        survival=survival,
+        robust=robust,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
     _run(settings, out, overwrite, figures, checkpoint_every, executor_factory(jobs, scheduler))
