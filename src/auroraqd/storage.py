@@ -33,6 +33,7 @@ from auroraqd.aurora import Aurora
 from auroraqd.descriptor import OBSERVATION, Descriptor
 from auroraqd.history import History, Record
 from auroraqd.population import COLUMNS
+from auroraqd.provenance import made_by, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.scaling import Scaling
 from auroraqd.state import State, restored, settings_of, state_of
@@ -97,6 +98,7 @@ def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, kee
 def write_config(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None) -> None:
     """The settings alone, as `save` writes them."""
     config = {**(settings_of(aurora) if config is None else config), "environment": environment()}
+    config["provenance"] = {**made_by(), "task": aurora._task}
     _write(folder / CONFIG, json.dumps(config, indent=2) + "\n")
 
 
@@ -183,15 +185,18 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
             raise TypeError(f"{name} must be callable, an instance and not a class, got {parts[name]!r}")
     trusted = _checked_trust(trusted)
     arrays, kind = _read(folder)
+    config = load_config(folder) if (Path(folder) / CONFIG).is_file() or not any_environment else {}
     if not any_environment:
-        _check_environment(folder, load_config(folder).get("environment", {}))
+        _check_environment(folder, config.get("environment", {}))
     try:
         state = State(json.loads(arrays[_STATE].tobytes()), arrays)
-        return restored(state, _descriptor(kind, arrays, trusted), _seconds(Path(folder)), parts)
+        aurora = restored(state, _descriptor(kind, arrays, trusted), _seconds(Path(folder)), parts)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{os.fspath(folder)} does not hold what a run needs to go on: {error!r}") from error
     except ValueError as error:
         raise ValueError(f"{os.fspath(folder)} cannot go on: {error}") from error
+    aurora._task = aurora._earlier_task = task_in(config)
+    return aurora
 
 
 def whose(folder: Path) -> tuple[dict[str, Any], int]:

@@ -170,6 +170,7 @@ def resume(
     with busy("loading"), warnings_said():
         if any((folder / name).is_file() for name in (storage.REPERTOIRE, storage.PREVIOUS)):
             task, aurora = settings.build_task(), storage.resume(folder, any_environment=any_environment)
+            aurora.run(task, generations=0)  # says so if the code of the task has changed
         else:  # it ended before its first checkpoint
             task, aurora = settings.build()
     if getattr(task, "n_genes", None) != aurora.n_genes:
@@ -254,9 +255,9 @@ def _grow(
             with busy("compiling kernels, which takes some 10 s the first time", log=True):
                 compile_kernels(settings)
             progress = RunProgress(console, settings.generations, aurora.evaluations)
-            with progress, training_told(aurora.descriptor.transformer, progress):
-                with nullcontext(task) if factory is None else over(factory, task) as spread:
-                    aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
+            told = training_told(aurora.descriptor.transformer, progress)
+            with progress, told, nullcontext(task) if factory is None else over(factory, task) as spread:
+                aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     os.chdir(here)  # a task may have changed it
