@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from auroraqd import _neighbours
 from auroraqd._checks import finite_rows, number, rows_of, whole, whole_numbers
 from auroraqd._interrupts import uninterrupted
-from auroraqd.population import Population
+from auroraqd.population import ORIGIN, Population
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""
@@ -34,7 +34,8 @@ class Archive(ABC):
 
     Columns are read-only views of the individuals stored now, an individual a row; take a copy to keep one:
     `genotype` (n, n_genes), `fitness` (n,), `observation` (n, ...), `descriptor` (n, d), `ground_truth` (n, ...) or None,
-    `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64. An id is never given twice.
+    `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64, `born` (n,) int64, `parent` (n,) int64. An id is
+    never given twice.
 
     A new kind of archive provides `_place`, which decides, `_clear`, which forgets, and `_remember`, which finds its way into
     individuals that are there.
@@ -101,7 +102,8 @@ class Archive(ABC):
         """Become the archive, of the same parameters, that had these columns and this `state`.
 
         Args:
-            columns: by name, all of those that the archive had.
+            columns: by name, all of those that the archive had; `born` and `parent`, which an earlier version did not keep,
+                are -1 if they are missing.
             state: likewise.
         """
         with self._lock, uninterrupted():
@@ -109,12 +111,16 @@ class Archive(ABC):
             self._population = Population()
             self._clear()
             size = len(columns["id"])
+            columns = {**{name: np.full(size, -1) for name in ORIGIN}, **columns}
             if size:
                 self._population.define(columns)
                 self._population.reserve(size)
                 self._population.write(np.arange(size), columns)
                 self._population.resize(size)
                 self._remember()
+
+    def _whole_column(self, name: str) -> np.ndarray:
+        return self._population[name] if name in self._population else np.empty(0, np.int64)
 
     def _column(self, name: str, row_shape: tuple[int, ...] = ()) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty((0, *row_shape))
@@ -160,7 +166,17 @@ class Archive(ABC):
     @property
     def id(self) -> np.ndarray:
         """(n,) int64: unique, given in the order of storing; rows are not sorted by it, for some replace others."""
-        return self._population["id"] if "id" in self._population else np.empty(0, np.int64)
+        return self._whole_column("id")
+
+    @property
+    def born(self) -> np.ndarray:
+        """(n,) int64: the number of its evaluation in its run, the first is 0; -1 where it is not known."""
+        return self._whole_column("born")
+
+    @property
+    def parent(self) -> np.ndarray:
+        """(n,) int64: the id of its parent, which may have been replaced; -1 for none, or where it is not known."""
+        return self._whole_column("parent")
 
     def add(
         self,
@@ -171,6 +187,8 @@ class Archive(ABC):
         *,
         ground_truth: ArrayLike | None = None,
         reconstruction_error: ArrayLike | None = None,
+        born: ArrayLike | None = None,
+        parent: ArrayLike | None = None,
     ) -> np.ndarray:
         """Add individuals one at a time, in order, each to an archive that holds the ones before it.
 
@@ -181,6 +199,8 @@ class Archive(ABC):
             descriptor: (n, d).
             ground_truth: (n, ...), if known. Given either always or never.
             reconstruction_error: (n,), if known. Given either always or never.
+            born: (n,) whole numbers, of their evaluations, if known; otherwise it is -1.
+            parent: (n,) ids of their parents, -1 for none; likewise.
 
         Returns:
             (n,) int8, the status of each: 0 rejected, 1 new, 2 replaced another, -1 invalid (a NaN or an infinity in
@@ -199,7 +219,9 @@ class Archive(ABC):
             batch["ground_truth"] = _numbers("ground_truth", ground_truth)
         if reconstruction_error is not None:
             batch["reconstruction_error"] = _numbers("reconstruction_error", reconstruction_error, 1, np.float64)
-        del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error
+        batch["born"] = _origin("born", born, len(batch["genotype"]))
+        batch["parent"] = _origin("parent", parent, len(batch["genotype"]))
+        del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error, born, parent
         with self._lock, uninterrupted():
             self._check(batch)
             return self._add(batch)
@@ -528,6 +550,16 @@ def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
         raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
         raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
+
+
+def _origin(name: str, values: ArrayLike | None, n: int) -> np.ndarray:
+    """Whole numbers that say where n individuals come from, (n,); -1 if they are not given."""
+    if values is None:
+        return np.full(n, -1)
+    whole = whole_numbers(name, values)
+    if whole.ndim != 1:
+        raise ValueError(f"{name} must have shape (n,), got {whole.shape}")
+    return whole
 
 
 def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type | None = None) -> np.ndarray:

@@ -312,7 +312,8 @@ class Aurora:
 
     def _told(self, pending: Pending, evaluation: Evaluation) -> np.ndarray:
         """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
-        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
+        born = np.arange(self.evaluations, self.evaluations + len(pending.genotype))
+        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, born, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
         readable = self._descriptor.readable(batch.observation, batch.ground_truth)
@@ -374,6 +375,8 @@ class Aurora:
             values,
             ground_truth=individuals.ground_truth,
             reconstruction_error=error,
+            born=individuals.born,
+            parent=individuals.parent_id,
         )
 
     def _done(self, pending: Pending, status: np.ndarray, rmse: float) -> None:
@@ -398,22 +401,18 @@ class Aurora:
         stored = len(archive) > 0
         if not stored and len(individuals.genotype) == 0:
             return None
-        columns = (archive.genotype, archive.observation, archive.ground_truth) if stored else individuals.sources
-        enough = len(columns[1]) >= self._descriptor.rows_to_fit(columns[1][0].size)
+        columns: Any = archive if stored else individuals
+        sources = Sources(columns.genotype, columns.observation, columns.ground_truth, columns.born)
+        enough = len(sources.observation) >= self._descriptor.rows_to_fit(sources.observation[0].size)
         update = updated(
             self._descriptor,
-            Sources(*columns, self._called),
+            sources,
             archive.descriptor if stored and self._descriptor.ready else None,
             refit=not self._descriptor.ready or (self._refits and enough),
             robust=self.robust,
             resolution=self.resolution,
         )
         return update if stored else update._replace(values=update.values[:0], error=None)
-
-    def _called(self, rows: np.ndarray) -> str:
-        """Individuals that are stored, or that are about to be, in words."""
-        shown = rows[:5] if len(self.archive) == 0 else self.archive.id[rows[:5]]
-        return f"{'rows' if len(self.archive) == 0 else 'ids'} {', '.join(map(str, shown))}{', ...' * (len(rows) > 5)}"
 
     def _take(self, update: Update) -> RefusedUpdate | None:
         """Take over a new descriptor: redefine l and add all again; or say why it is not taken."""
