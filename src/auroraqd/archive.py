@@ -38,8 +38,9 @@ class Archive(ABC):
     `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64, `born` (n,) int64, `parent` (n,) int64. An id is
     never given twice.
 
-    A new kind of archive provides `_place`, which decides, `_clear`, which forgets, and `_remember`, which finds its way into
-    individuals that are there.
+    A new kind of archive provides five things, and calls `super().__init__()`: `_place`, which decides; `_clear`, which
+    forgets; `_remember`, which finds its way into individuals that are there; and the properties `full` and `settings`.
+    `_place` sees individuals in the order of their rows: the first that it calls new is in row 0 of an empty archive.
     """
 
     def __init__(self) -> None:
@@ -82,7 +83,7 @@ class Archive(ABC):
     @property
     @abstractmethod
     def full(self) -> bool:
-        """Whether new individuals are rejected for lack of room."""
+        """Whether there is no room: an individual is stored only in the place of another, if at all."""
 
     @property
     @abstractmethod

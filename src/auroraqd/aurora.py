@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ class Aurora:
         self.archive = UnstructuredArchive() if archive is None else archive
         self.selection = selection
         self.variation = variation
-        self.resolution = resolution if hasattr(self.archive, "l") else None
+        self.resolution = resolution if isinstance(self.archive, UnstructuredArchive) else None
         self.schedule = schedule
         self.survival = number("survival", survival, most=1, wanted="a share, from 0 to 1")
         if not isinstance(robust, bool):
@@ -127,7 +128,7 @@ class Aurora:
 
     @property
     def descriptor(self) -> Descriptor:
-        """The descriptor as it is now, with its transformer in `source` once fitted."""
+        """The descriptor as it is now; once it is fitted, `transformer` is what was learned."""
         return self._descriptor
 
     def describe(self, observation: ArrayLike) -> np.ndarray:
@@ -156,12 +157,18 @@ class Aurora:
 
         Raises:
             RuntimeError: the last batch has not been told.
-            ValueError: genotypes has the wrong shape or leaves [0, 1].
+            ValueError: genotypes has the wrong shape or leaves [0, 1]; or the selection or the variation returned something
+                else than it must. Nothing has changed.
         """
         if self._pending is not None:
             raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
+        random = self._rng.bit_generator.state
         with uninterrupted():
-            return self._asked(genotypes)
+            try:
+                return self._asked(genotypes)
+            except BaseException:  # a strategy that fails has used random numbers, and the run must not take another course
+                self._rng.bit_generator.state = random
+                raise
 
     def _asked(self, genotypes: ArrayLike | None) -> np.ndarray:
         since = time.perf_counter()
@@ -203,7 +210,10 @@ class Aurora:
         was_full = self.archive.full
         status = self._told(self._pending, evaluation)
         if self.archive.full and not was_full:
-            warnings.warn(f"the archive is full ({len(self.archive)} individuals): new ones are rejected", stacklevel=2)
+            warnings.warn(
+                f"the archive is full ({len(self.archive)} individuals): from now on, one is stored only in another's place",
+                stacklevel=2,
+            )
         return status
 
     @property
@@ -223,8 +233,10 @@ class Aurora:
         generations: int | None = None,
         evaluations: int | None = None,
         seconds: float | None = None,
+        until_generation: int | None = None,
         initial: ArrayLike | None = None,
-        callback: Callable[[Aurora], Any] | None = None,
+        callback: Callable[[Aurora], Any] | Sequence[Callable[[Aurora], Any]] | None = None,
+        progress: bool = False,
     ) -> Aurora:
         """Evaluate generations on a task until a budget is used up. Called again, it goes on.
 
@@ -236,9 +248,13 @@ class Aurora:
                 truth, or to observation alone. One whose attribute `seeded` is true is also given `seeds`, (n,) uint64.
             generations, evaluations, seconds: the budgets of this call, at least one of them; the first to be used up
                 ends it, at the end of a generation.
+            until_generation: a budget too: the generation to reach, counted from the beginning of the run, not of this call. A
+                script that resumes its run needs no other.
             initial: (m, n_genes) in [0, 1], known controllers, evaluated first. While nothing is stored, random ones fill
                 the batch up.
-            callback: called with this object after each generation; the run stops when it returns True.
+            callback: called with this object after each generation; the run stops when it returns True. Of several, a sequence,
+                all are called, in order.
+            progress: whether to show how it goes: a bar on a terminal, a line every ten seconds elsewhere, on standard error.
 
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
@@ -247,10 +263,14 @@ class Aurora:
             ValueError: no budget, or a negative one.
         """
         _check_callable("task", task)
-        budget = _Budget(self, generations, evaluations, seconds)
-        if callback is not None:
-            _check_callable("callback", callback)
+        budget = _Budget(self, generations, evaluations, seconds, until_generation)
+        callbacks = _callbacks(callback)
         known = None if initial is None else self._checked_genotypes(initial)
+        with _shown(self, budget) if progress else nullcontext() as show:
+            self._run(task, budget, known, callbacks if show is None else [*callbacks, show])
+        return self
+
+    def _run(self, task: Callable, budget: _Budget, known: np.ndarray | None, callbacks: list[Callable[[Aurora], Any]]) -> None:
         while not budget.used_up():
             if self._pending is None and known is not None:
                 self._ask_known(known)
@@ -264,9 +284,8 @@ class Aurora:
                 raise TaskError(f"task {name_of(task)} at generation {self.generation}: {error}") from error
             self.tell(*evaluation)
             self._check_progress(task)
-            if callback is not None and callback(self) is True:
+            if any([_is_true(callback(self)) for callback in callbacks]):
                 break
-        return self
 
     def _ask_known(self, known: np.ndarray) -> None:
         """Known controllers as the next batch; in an empty archive, filled up with random ones."""
@@ -449,7 +468,7 @@ class Aurora:
                 generation=self.generation,
                 evaluations=self.evaluations,
                 size=len(self.archive),
-                l=getattr(self.archive, "l", np.nan),
+                l=self.archive.l if isinstance(self.archive, UnstructuredArchive) else np.nan,
                 **self._counts,
                 mean_fitness=_mean(fitness),
                 max_fitness=float(fitness.max()) if len(fitness) else np.nan,
@@ -484,17 +503,34 @@ def _rmse(error: np.ndarray | None) -> float:
 class _Budget:
     """How much a call of `run` may use."""
 
-    def __init__(self, aurora: Aurora, generations: int | None, evaluations: int | None, seconds: float | None):
-        if generations is None and evaluations is None and seconds is None:
-            raise ValueError("run needs a budget: generations, evaluations or seconds")
+    def __init__(
+        self,
+        aurora: Aurora,
+        generations: int | None,
+        evaluations: int | None,
+        seconds: float | None,
+        until_generation: int | None,
+    ):
+        if generations is None and evaluations is None and seconds is None and until_generation is None:
+            raise ValueError("run needs a budget: generations, evaluations, seconds or until_generation")
         self._aurora = aurora
         self._generations = self._evaluations = self._deadline = np.inf
         if generations is not None:
             self._generations = aurora.generation + whole("generations", generations, least=0)
+        if until_generation is not None:
+            self._generations = min(self._generations, whole("until_generation", until_generation, least=0))
         if evaluations is not None:
             self._evaluations = aurora.evaluations + whole("evaluations", evaluations, least=0)
         if seconds is not None:
             self._deadline = time.monotonic() + number("seconds", seconds)
+
+    @property
+    def last_generation(self) -> int | None:
+        """The generation after which it is used up, at the latest; None where only the time says."""
+        aurora = self._aurora
+        batches = np.ceil(max(self._evaluations - aurora.evaluations, 0) / aurora.batch_size)
+        last = min(self._generations, aurora.generation + batches)
+        return int(last) if np.isfinite(last) else None
 
     def used_up(self) -> bool:
         """Whether one of the limits is reached."""
@@ -520,3 +556,25 @@ def _checked_prior(prior: ArrayLike) -> np.ndarray:
 def _check_callable(name: str, value: object) -> None:
     if isinstance(value, type) or not callable(value):
         raise TypeError(f"{name} must be callable, an instance and not a class, got {value!r}")
+
+
+def _is_true(value: Any) -> bool:
+    """Whether it is True, of Python or of NumPy: what else a callback returns means nothing."""
+    return isinstance(value, bool | np.bool_) and bool(value)
+
+
+def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
+    """One callback, several or none as a list."""
+    if given is None:
+        return []
+    several = list(given) if isinstance(given, Sequence) else [given]
+    for callback in several:
+        _check_callable("callback", callback)
+    return several
+
+
+def _shown(aurora: Aurora, budget: _Budget) -> Any:
+    """A context that shows the progress of a run, and gives a callback."""
+    from auroraqd.progress import shown  # Rich takes time to import
+
+    return shown(aurora, budget.last_generation)

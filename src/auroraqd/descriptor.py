@@ -71,6 +71,15 @@ class Descriptor:
     def __str__(self) -> str:
         return f"{self.source!r}" if isinstance(self.source, str) else f"the transform of {type(self.source).__name__}"
 
+    def __repr__(self) -> str:
+        fitted = f", of observations {rows_of(self.shape)}" if self.scaling is not None else ""
+        return f"Descriptor({self.source!r}{fitted})"
+
+    @property
+    def transformer(self) -> "Transformer | None":
+        """The object that is learned, fitted once `ready`; None where the descriptor is read off, not learned."""
+        return None if isinstance(self.source, str) else self.source
+
     @classmethod
     def checked(cls, source: "str | Transformer", rng: np.random.Generator) -> "Descriptor":
         """A descriptor from what a user gives.

@@ -27,8 +27,8 @@ class Reached(NamedTuple):
 
     Attributes:
         rows: (k,) of the repertoire.
-        distance: (k,) to the desired outcome: in descriptor space, or, where it is only partly specified, the root mean square
-            over the entries given, each channel scaled to [-1, 1] by its range in the repertoire.
+        distance: (k,) to the desired outcome: the root mean square over the entries given, each channel (last axis) scaled to
+            [-1, 1] by its range in the repertoire, of which observations far outside all others are left out.
         genotype: (k, n_genes), what to do.
         observation: (k, ...), what it led to when it was found.
         reconstruction: (k, ...), what the learned descriptor expects there; None if it cannot reconstruct.
@@ -217,8 +217,8 @@ class Repertoire:
     def reach(self, observation: ArrayLike, k: int = 1) -> Reached:
         """The k skills whose outcome is closest to a desired one.
 
-        Through the learned descriptor; where the descriptor is not learned, or the outcome is only partly specified, on the
-        entries of the observation that are given.
+        Closest by the observation, all of it or the entries that are given; see `Reached.distance`. Two outcomes may have one
+        descriptor, which therefore does not decide.
 
         Args:
             observation: (...), in the shape and units of the task; NaN for what does not matter.
@@ -236,14 +236,11 @@ class Repertoire:
         given = ~np.isnan(wanted)
         if np.isinf(wanted).any() or not given.any():
             raise ValueError("observation must have finite entries, or NaN for what does not matter, but not NaN alone")
-        descriptor = self._descriptor
-        if given.all() and descriptor.learned:
-            distance = np.linalg.norm(self.descriptor - descriptor.describe_observation(wanted[None])[0], axis=1)
-        else:
-            half = Scaling.of(self.observation).scaler(wanted.size).half[given.ravel()]
-            difference = (self.observation.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
-            distance = np.sqrt(np.mean(difference**2, axis=1))
+        half = Scaling.of(self.observation[~far_outside(self.observation)]).scaler(wanted.size).half[given.ravel()]
+        difference = (self.observation.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
+        distance = np.sqrt(np.mean(difference**2, axis=1))
         rows = np.argsort(distance, kind="stable")[:k]
+        descriptor = self._descriptor
         expected = descriptor.reconstruct(self.descriptor[rows]) if descriptor.decode is not None else None
         return Reached(rows, distance[rows], self.genotype[rows], self.observation[rows], expected)
 

@@ -30,6 +30,9 @@ _SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0}  # plain too, and
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
 _OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds", "_attempts")
 
+FIELDS = {*_PLAIN, *_SINCE, *_OTHERS}
+"""All attributes of `Aurora` that are kept, or derived again. What users add to theirs is not kept."""
+
 
 def _is(*kinds: type) -> Callable[[Any], bool]:
     return lambda value: type(value) in kinds
@@ -128,7 +131,6 @@ class State(NamedTuple):
 
 def state_of(aurora: Aurora) -> State:
     """The state of a run at any moment, also between `ask` and `tell`."""
-    assert set(vars(aurora)) == {*_PLAIN, *_SINCE, *_OTHERS}, "a field of Aurora would not be kept"
     archive, records = aurora.archive, aurora.history.records
     values = {
         **{name: getattr(aurora, name) for name in (*_PLAIN, *_SINCE)},

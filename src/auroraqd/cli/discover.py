@@ -4,7 +4,7 @@ import copy
 import os
 import signal
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from auroraqd.aurora import Aurora
     from auroraqd.experiments import Settings
-    from auroraqd.progress import RunProgress
 
 OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
 
@@ -234,7 +233,7 @@ def _grow(
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
     from auroraqd.checkpoints import LOCK, Checkpoints
     from auroraqd.evaluate import over
-    from auroraqd.progress import RunProgress
+    from auroraqd.progress import RunProgress, training_told
 
     failure: BaseException | None = None
     here = Path.cwd()
@@ -255,14 +254,9 @@ def _grow(
             with busy("compiling kernels, which takes some 10 s the first time", log=True):
                 compile_kernels(settings)
             progress = RunProgress(console, settings.generations, aurora.evaluations)
-            with progress, _training_told(settings, progress):
-
-                def after_each(aurora: "Aurora") -> None:
-                    progress(aurora)
-                    checkpoints()
-
+            with progress, training_told(aurora.descriptor.transformer, progress):
                 with nullcontext(task) if factory is None else over(factory, task) as spread:
-                    aurora.run(spread, generations=settings.generations - aurora.generation, callback=after_each)
+                    aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     os.chdir(here)  # a task may have changed it
@@ -276,17 +270,6 @@ def _grow(
             out.rmdir()
     if failure is not None:
         _end(failure, aurora, kept)
-
-
-def _training_told(settings: "Settings", progress: "RunProgress") -> AbstractContextManager[Any]:
-    """Tell the progress of a training, if there is any: without, scikit-learn need not be imported, which takes a second."""
-    from auroraqd.experiments.settings import AUTOENCODER
-
-    if settings.descriptor_kind != AUTOENCODER:
-        return nullcontext()
-    from auroraqd.autoencoder import listening
-
-    return listening(progress.training)
 
 
 def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:

@@ -141,7 +141,13 @@ def _results(repertoire: Any, records: Sequence[Any]) -> list[tuple[str, str]]:
     if len(outlying):
         shown = ", ".join(map(str, outlying[:10])) + ", ..." * (len(outlying) > 10)
         rows += [("far outside", f"rows {shown}: set aside when the descriptor is fitted")]
-    return [*rows, ("time", f"{last.seconds:.1f} s, {1e6 * last.seconds / max(last.evaluations, 1):.2f} us an evaluation")]
+    return [*rows, ("time", f"{last.seconds:.1f} s, {_duration(last.seconds / max(last.evaluations, 1))} an evaluation")]
+
+
+def _duration(seconds: float) -> str:
+    """In the unit that leaves one to three digits before the point."""
+    factor, unit = next(((f, unit) for f, unit in ((1e6, "us"), (1e3, "ms")) if round(f * seconds, 2) < 1000), (1, "s"))
+    return f"{factor * seconds:.2f} {unit}"
 
 
 def _errors(records: Sequence[Any]) -> list[tuple[str, str]]:
