@@ -411,9 +411,7 @@ def test_a_checkpoint_that_lacks_something(tmp_path, damage):
     values = {name: value for name, value in values.items() if value is not None}
     arrays["state.json"] = np.frombuffer(json.dumps(values).encode(), np.uint8)
     storage._tensors.write(tmp_path / "repertoire.safetensors", arrays, storage._FORMAT, kind)
-    with pytest.raises(
-        ValueError, match=r"does not hold what a run needs to go on|cannot go on: |is damaged, though its checksum is right: "
-    ):
+    with pytest.raises(ValueError, match=r"does not hold what a run needs to go on|cannot go on: "):
         auroraqd.resume(tmp_path)
     assert len(auroraqd.load(tmp_path)) == len(aurora.archive)
 

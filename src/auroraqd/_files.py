@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-_MOST = 2**63
 _Row = TypeVar("_Row", bound=tuple)
 
 
@@ -107,7 +106,4 @@ def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list
 
 def _record(kind: type[_Row], fields: dict[str, Any], row: dict[str, str], rest: str | None) -> _Row:
     values = {name: of(row.pop(name)) for name, of in fields.items() if name in row}
-    beyond = [name for name, value in values.items() if isinstance(value, int) and abs(value) >= _MOST]
-    if beyond:
-        raise ValueError(f"{beyond[0]} is a number of more than 64 bits")
     return kind(**values, **({} if rest is None else {rest: {name: float(value) for name, value in row.items()}}))

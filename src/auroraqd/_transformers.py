@@ -48,33 +48,19 @@ def loaded(content: bytes, trusted: Sequence[str]) -> Any:
     Raises:
         ValueError: it needs a type that is not trusted, or cannot be imported.
     """
-    try:
-        return _from_skops(content, trusted) if content.startswith(_ZIP) else _from_plain(content)
-    except _Refused:
-        raise
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"the descriptor needs a type that cannot be imported here: {error}") from None
-    except Exception as error:  # whatever a file holds
-        raise ValueError(f"the descriptor is damaged: {type(error).__name__}: {error}") from None
-
-
-class _Refused(ValueError):
-    """A descriptor that may be whole, but is not loaded, and why."""
-
-
-def _from_skops(content: bytes, trusted: Sequence[str]) -> Any:
+    if not content.startswith(_ZIP):
+        return _from_plain(content)
     import skops.io
     from skops.io.exceptions import UntrustedTypesFoundException
 
-    with zipfile.ZipFile(io.BytesIO(content)) as file:
-        if any(member.compress_type != zipfile.ZIP_STORED for member in file.infolist()):
-            raise ValueError("it is compressed, which `dumped` never does")  # a small file could become a huge one
     try:
         return skops.io.loads(content, trusted=[*_TRUSTED, *trusted])
     except UntrustedTypesFoundException as error:
-        raise _Refused(
+        raise ValueError(
             f"the descriptor needs types that are not trusted. {error}. If you trust them, name them: trusted=[...]"
         ) from None
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"the descriptor needs a type that cannot be imported here: {error}") from None
 
 
 def check(transformer: Any) -> None:
@@ -119,7 +105,7 @@ def _from_plain(content: bytes) -> Any:
     arrays = load(content)
     rest = json.loads(arrays.pop(_REST).tobytes())
     if rest["type"] not in _PLAIN:
-        raise _Refused(f"the descriptor needs a type that is not known here: {rest['type']}")
+        raise ValueError(f"the descriptor needs a type that is not known here: {rest['type']}")
     kind = _plain_type(rest["type"])
     transformer = kind.__new__(kind)
     vars(transformer).update(rest["values"])

@@ -20,13 +20,12 @@ from numpy.typing import ArrayLike
 from auroraqd import _neighbours
 from auroraqd._checks import finite_rows, number, rows_of, whole, whole_numbers
 from auroraqd._interrupts import uninterrupted
-from auroraqd.population import ORIGIN, REQUIRED, Population
+from auroraqd.population import ORIGIN, Population
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""
 
 _MOST_ROWS = int(np.iinfo(np.int32).max)
-_MOST_IDS = int(np.iinfo(np.int64).max)
 _STORED_CREDIT, _UNSTORED_CREDIT = 1.0, -0.5  # curiosity score [Cully & Demiris, IEEE TEVC 2018]
 
 
@@ -107,30 +106,19 @@ class Archive(ABC):
             columns: by name, all of those that the archive had; `born` and `parent`, which an earlier version did not keep,
                 are -1 if they are missing.
             state: likewise.
-
-        Raises:
-            KeyError: a column, or a part of the state, is missing.
-            ValueError: they cannot be those of such an archive, which is unchanged.
         """
-        next_id = whole("next_id", state["next_id"], least=0, most=_MOST_IDS)
-        rearranged = whole("rearranged", state["rearranged"], least=0)
-        size = len(columns["id"]) if np.ndim(columns["id"]) else 0
-        columns = {**{name: np.full(size, -1) for name in ORIGIN}, **columns}
-        check_columns(columns, next_id)
-        self._check_restored(columns)
         with self._lock, uninterrupted():
-            self._next_id, self._rearranged = next_id, rearranged
+            self._next_id, self._rearranged = state["next_id"], state["rearranged"]
             self._population = Population()
             self._clear()
+            size = len(columns["id"])
+            columns = {**{name: np.full(size, -1) for name in ORIGIN}, **columns}
             if size:
                 self._population.define(columns)
                 self._population.reserve(size)
                 self._population.write(np.arange(size), columns)
                 self._population.resize(size)
                 self._remember()
-
-    def _check_restored(self, columns: Mapping[str, np.ndarray]) -> None:  # noqa: B027 - most have nothing to add
-        """Raise ValueError unless these columns, which fit together, can be those of such an archive."""
 
     def _whole_column(self, name: str) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty(0, np.int64)
@@ -267,8 +255,6 @@ class Archive(ABC):
         for name, rows in batch.items():
             if len(rows) != n:
                 raise ValueError(f"{name} must have {n} rows, as genotype has, got shape {rows.shape}")
-        if batch["descriptor"].shape[1] == 0:
-            raise ValueError(f"descriptor must have at least one dimension, got shape {batch['descriptor'].shape}")
         if not np.isfinite(batch["genotype"]).all():
             raise ValueError("genotype must be finite, got a NaN or an infinity")
         if len(self) == 0:
@@ -303,8 +289,6 @@ class Archive(ABC):
         for name, rows in new.items():
             if len(rows) != size:
                 raise ValueError(f"{name} must have {size} rows, one for each individual stored, got shape {rows.shape}")
-        if size and new["descriptor"].shape[1] == 0:
-            raise ValueError(f"descriptor must have at least one dimension, got shape {new['descriptor'].shape}")
         if not np.isfinite(new["descriptor"]).all():
             raise ValueError("descriptor must be finite, got a NaN or an infinity")
         with self._lock, uninterrupted():
@@ -540,17 +524,9 @@ class UnstructuredArchive(Archive):
 
     def restore(self, columns: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
         """As `Archive.restore`."""
-        l = number("l", state["l"])
         with self._lock, uninterrupted():
+            self._l = number("l", state["l"])
             super().restore(columns, state)
-            self._l = l
-
-    def _check_restored(self, columns: Mapping[str, np.ndarray]) -> None:
-        descriptor = columns["descriptor"]
-        if self._capacity is not None and len(descriptor) > self._capacity:
-            raise ValueError(f"there must be {self._capacity} individuals at most, the capacity, got {len(descriptor)}")
-        if len(np.unique(descriptor, axis=0)) < len(descriptor):
-            raise ValueError("descriptor must differ between individuals, and some are the same")
 
     def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
         n, d = descriptor.shape
@@ -567,44 +543,6 @@ class UnstructuredArchive(Archive):
         self._tree, self._placed = _neighbours.add(tree, batch, stored, self._placed, rule, self._scratch)
         self._stored = stored
         return batch.target
-
-
-def check_columns(columns: Mapping[str, np.ndarray], next_id: int = _MOST_IDS) -> None:
-    """Raise ValueError unless these are columns of individuals, such as an archive writes. KeyError: one is missing.
-
-    Args:
-        columns: by name; from a file, so that they may be anything.
-        next_id: an id that is larger than all of them.
-    """
-    size = len(columns["id"]) if columns["id"].ndim else 0
-    for name, (kinds, ndim, finite) in _COLUMN_KINDS.items():
-        if name not in columns and name not in REQUIRED:
-            continue
-        rows = columns[name]
-        if rows.dtype.kind not in kinds or rows.dtype.itemsize > 8 or (len(kinds) == 1 and rows.dtype.itemsize != 8):
-            raise ValueError(f"{name} must have another dtype, got {rows.dtype}")
-        if rows.ndim == 0 or len(rows) != size or ndim not in (None, rows.ndim) or (size and rows[0].size == 0):
-            raise ValueError(f"{name} must have another shape, got {rows.shape} for {size} individuals")
-        if finite and not finite_rows(rows).all():
-            raise ValueError(f"{name} must be finite, got a NaN or an infinity")
-    ids = columns["id"]
-    if size and (ids.min() < 0 or ids.max() >= next_id or len(np.unique(ids)) < size):
-        raise ValueError(f"id must differ between individuals, and be from 0 to below {next_id}")
-
-
-# The kinds of dtype, the axes (None: one or more), and whether all must be finite.
-_COLUMN_KINDS: dict[str, tuple[str, int | None, bool]] = {
-    "genotype": ("f", 2, True),
-    "fitness": ("f", 1, True),
-    "observation": ("biuf", None, True),
-    "descriptor": ("f", 2, True),
-    "curiosity": ("f", 1, True),
-    "id": ("i", 1, False),
-    "ground_truth": ("biuf", None, False),
-    "reconstruction_error": ("f", 1, False),
-    "born": ("i", 1, False),
-    "parent": ("i", 1, False),
-}
 
 
 def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:

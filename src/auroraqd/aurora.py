@@ -34,7 +34,7 @@ from auroraqd.variation import Polynomial
 SURVIVAL = 0.25
 """The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
 those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were kept."""
-STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
+_STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
 
 
@@ -120,7 +120,7 @@ class Aurora:
         self._attempts = Attempts()  # at updates, since the last that was taken
         self._refused = 0  # updates so far
         self._pending: Pending | None = None
-        self._counts = dict.fromkeys(STATUS_NAMES.values(), 0)
+        self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
 
     def __repr__(self) -> str:
@@ -400,8 +400,8 @@ class Aurora:
 
     def _done(self, pending: Pending, status: np.ndarray, rmse: float) -> None:
         """Count and record a generation in which individuals were given this status, and whose own had this error."""
-        counts = np.bincount(status - INVALID, minlength=len(STATUS_NAMES)).tolist()  # INVALID is the lowest
-        for value, name in STATUS_NAMES.items():
+        counts = np.bincount(status - INVALID, minlength=len(_STATUS_NAMES)).tolist()  # INVALID is the lowest
+        for value, name in _STATUS_NAMES.items():
             self._counts[name] += counts[value - INVALID]
         self._pending = None
         self.generation += 1

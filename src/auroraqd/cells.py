@@ -9,7 +9,7 @@ a box into equal parts; `auroraqd.cvt.CVTArchive` has cells of any shape in any 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -87,12 +87,6 @@ class CellArchive(Archive):
     def _clear(self) -> None:
         self._row_of = {}
         self._elite = []
-
-    def _check_restored(self, columns: Mapping[str, np.ndarray]) -> None:
-        if len(columns["descriptor"]):
-            self._check_descriptor(columns["descriptor"])
-            if len(np.unique(self._cells(columns["descriptor"]))) < len(columns["descriptor"]):
-                raise ValueError("descriptor must be in another cell for each individual, and some are in the same")
 
     def _remember(self) -> None:
         cells = self._cells(self.descriptor).tolist()

@@ -4,10 +4,8 @@ Beside `Aurora` itself this is the one place that knows what a run consists of; 
 crash. Wall-clock times are left out, so equal runs have equal states.
 """
 
-import math
-import reprlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 from typing import Any, NamedTuple
 
@@ -15,7 +13,7 @@ import numpy as np
 
 from auroraqd import resolution, schedule, selection, variation
 from auroraqd.archive import Archive, UnstructuredArchive
-from auroraqd.aurora import STATUS_NAMES, SURVIVAL, Aurora
+from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.batch import Batch, Pending
 from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, Tessellation
@@ -32,89 +30,6 @@ _OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting"
 
 FIELDS = {*_PLAIN, *_SINCE, *_OTHERS}
 """All attributes of `Aurora` that are kept, or derived again. What users add to theirs is not kept."""
-
-
-def _is(*kinds: type) -> Callable[[Any], bool]:
-    return lambda value: type(value) in kinds
-
-
-def _whole(least: int = 0) -> Callable[[Any], bool]:
-    return lambda value: type(value) is int and least <= value
-
-
-def _share(value: Any) -> bool:
-    return type(value) in (int, float) and 0 <= value <= 1
-
-
-def _counts(value: Any) -> bool:
-    return type(value) is dict and set(value) == set(STATUS_NAMES.values()) and all(map(_whole(), value.values()))
-
-
-def _shape(value: Any) -> bool:
-    return type(value) is list and all(map(_whole(1), value)) and math.prod(value) <= _MOST_ENTRIES
-
-
-def _attempts(value: Any) -> bool:
-    return type(value) is list and len(value) == 2 and _whole()(value[0]) and (value[1] is None or _whole()(value[1]))
-
-
-# What the values of a state must be, for they come from a file.
-_VALUES: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "n_genes": ("a whole number, 1 or more", _whole(1)),
-    "batch_size": ("a whole number, 1 or more", _whole(1)),
-    "generation": ("a whole number, 0 or more", _whole()),
-    "evaluations": ("a whole number, 0 or more", _whole()),
-    "seed": ("a whole number, 0 or more", _whole()),
-    "_refits": ("true or false", _is(bool)),
-    "_update_due": ("true or false", _is(bool)),
-    "_counts": ("counts of individuals by status", _counts),
-    "settings": ("an object", _is(dict)),
-    "random": ("an object", _is(dict)),
-    "archive": ("an object", _is(dict)),
-    "history_gap": ("a whole number, 1 or more", _whole(1)),
-    "shape": ("a list of whole numbers", _shape),
-    "rearranged": ("a whole number or null", lambda value: value is None or _whole()(value)),
-}
-_LATER: dict[str, tuple[str, Callable[[Any], bool]]] = {  # that version 0.2.0 did not write
-    "robust": ("true or false", _is(bool)),
-    "survival": ("a share, from 0 to 1", _share),
-    "_refused": ("a whole number, 0 or more", _whole()),
-    "attempts": ("two numbers", _attempts),
-}
-_MOST_ENTRIES = 2**26  # of an observation
-
-
-def check_values(values: Any) -> None:
-    """Raise ValueError unless these are the values of a state."""
-    if not isinstance(values, dict):
-        raise ValueError(f"the state must be a JSON object, got {type(values).__name__}")
-    for name, (wanted, is_so) in {**_VALUES, **_LATER}.items():
-        if name not in values and name in _VALUES:
-            raise ValueError(f"the state has no {name}")
-        if name in values and not is_so(values[name]):
-            raise ValueError(f"{name} of the state must be {wanted}, got {reprlib.repr(values[name])}")
-
-
-def _check_arrays(arrays: Mapping[str, np.ndarray], n_genes: int) -> None:
-    """Raise ValueError unless the arrays of individuals under way are such. Those of the archive are checked by it."""
-    history = arrays["history"]
-    if history.ndim != 2 or history.dtype != np.float64 or not 11 <= history.shape[1] <= len(_RECORDED):
-        raise ValueError(f"the history must be of numbers, (records, {len(_RECORDED)}), got {history.shape}, {history.dtype}")
-    if not np.isfinite(history[:, :3]).all():
-        raise ValueError("the history must have whole numbers of generations, evaluations and individuals")
-    for prefix, fields in (("pending", ("genotype", "parent_id", "parent_row")), ("waiting", Batch._fields)):
-        batch = _named(prefix, arrays)
-        missing = [name for name in fields if name not in batch and name not in ("ground_truth", "born")]
-        if batch and missing:
-            raise ValueError(f"the individuals that are {prefix} have no {', '.join(missing)}")
-        for name, rows in batch.items():
-            if name not in fields or rows.ndim == 0 or len(rows) != len(batch["genotype"]) or rows.dtype.kind not in "biuf":
-                raise ValueError(f"{prefix}.{name} must be numbers, a row an individual, got {rows.shape}, {rows.dtype}")
-            if name in ("parent_id", "parent_row", "born") and (rows.ndim != 1 or rows.dtype != np.int64):
-                raise ValueError(f"{prefix}.{name} must be whole numbers, (n,), got {rows.shape}, {rows.dtype}")
-        genes = batch.get("genotype")
-        if genes is not None and not (genes.ndim == 2 and genes.shape[1] == n_genes and ((genes >= 0) & (genes <= 1)).all()):
-            raise ValueError(f"{prefix}.genotype must be genes in [0, 1], (n, {n_genes}), got {genes.shape}")
 
 
 class State(NamedTuple):
@@ -170,8 +85,6 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
         ValueError: a part is needed and not given.
     """
     values, arrays = state
-    check_values(values)
-    _check_arrays(arrays, values["n_genes"])
     aurora = Aurora.__new__(Aurora)
     for name in _PLAIN:
         setattr(aurora, name, values[name])

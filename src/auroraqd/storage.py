@@ -29,14 +29,13 @@ import numpy as np
 
 from auroraqd import _tensors, _transformers
 from auroraqd._files import as_path, folder_at, read_table, replacing
-from auroraqd.archive import check_columns
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import OBSERVATION, Descriptor
 from auroraqd.history import History, Record
 from auroraqd.population import COLUMNS
 from auroraqd.repertoire import Repertoire
 from auroraqd.scaling import Scaling
-from auroraqd.state import State, check_values, restored, settings_of, state_of
+from auroraqd.state import State, restored, settings_of, state_of
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
 PREVIOUS = "repertoire.previous.safetensors"
@@ -146,7 +145,7 @@ class _Origin:
         return _descriptor(self.kind, self.arrays, self.trusted)
 
     def seed(self) -> int:
-        return _values(self.arrays)["seed"]
+        return json.loads(self.arrays[_STATE].tobytes())["seed"]
 
     def config(self) -> dict[str, Any]:
         return load_config(self.folder)
@@ -187,13 +186,12 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
     if not any_environment:
         _check_environment(folder, load_config(folder).get("environment", {}))
     try:
-        state = State(_values(arrays), arrays)
+        state = State(json.loads(arrays[_STATE].tobytes()), arrays)
         return restored(state, _descriptor(kind, arrays, trusted), _seconds(Path(folder)), parts)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{os.fspath(folder)} does not hold what a run needs to go on: {error!r}") from error
     except ValueError as error:
         raise ValueError(f"{os.fspath(folder)} cannot go on: {error}") from error
-    except Exception as error:  # whatever a file holds: a sentence
-        what = f"there is no {error}" if isinstance(error, KeyError) else f"{type(error).__name__}: {error}"
-        raise ValueError(f"{os.fspath(folder)} does not hold what a run needs to go on: {what}") from error
 
 
 def whose(folder: Path) -> tuple[dict[str, Any], int]:
@@ -208,7 +206,7 @@ def whose(folder: Path) -> tuple[dict[str, Any], int]:
     (arrays, _), error = _last(folder)
     if error is not None:
         (folder / PREVIOUS).replace(folder / REPERTOIRE)
-    values = _values(arrays)
+    values = json.loads(arrays[_STATE].tobytes())
     return values["settings"], values["generation"]
 
 
@@ -222,7 +220,7 @@ def load_config(folder: str | os.PathLike) -> dict[str, Any]:
     path = _existing(folder, CONFIG)
     try:
         config = json.loads(path.read_text())
-    except (ValueError, RecursionError) as error:
+    except (ValueError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
     if not isinstance(config, dict):
         raise ValueError(f"{path} must hold a JSON object")
@@ -251,10 +249,8 @@ def environment() -> Mapping[str, Any]:
     }
 
 
-def _check_environment(folder: str | os.PathLike, before: Any) -> None:
+def _check_environment(folder: str | os.PathLike, before: Mapping[str, Any]) -> None:
     now = environment()
-    if not isinstance(before, dict):
-        raise ValueError(f"{os.fspath(folder)}/{CONFIG} is damaged: environment must be a JSON object, got {before!r}")
     differ = [f"{name} {before.get(name)} and not {now[name]}" for name in now if before.get(name) != now[name]]
     if differ:
         raise ValueError(
@@ -275,44 +271,14 @@ def _last(folder: str | os.PathLike) -> tuple[tuple[dict[str, np.ndarray], str],
     """The last checkpoint that is whole, and what is wrong with the one after it, if there is one."""
     previous = as_path("folder", folder) / PREVIOUS
     try:
-        return _checkpoint(_existing(folder, REPERTOIRE)), None
+        return _tensors.read(_existing(folder, REPERTOIRE), _FORMAT), None
     except (ValueError, FileNotFoundError) as error:
         if not previous.is_file():
             raise
         try:
-            return _checkpoint(previous), error
+            return _tensors.read(previous, _FORMAT), error
         except ValueError:
             raise error from None
-
-
-def _checkpoint(path: Path) -> tuple[dict[str, np.ndarray], str]:
-    """What is in a file, if it is a whole checkpoint of individuals that there can be.
-
-    Raises:
-        ValueError: it is not.
-    """
-    arrays, kind = _tensors.read(path, _FORMAT)
-    try:
-        _values(arrays)
-        check_columns(arrays) if "id" in arrays and len(arrays["id"]) else None
-    except (ValueError, KeyError) as error:
-        what = f"there is no {error}" if isinstance(error, KeyError) else error
-        raise ValueError(f"{path} is damaged, though its checksum is right: {what}") from None
-    return arrays, kind
-
-
-def _values(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """The values of the state of a run.
-
-    Raises:
-        ValueError: they are damaged.
-    """
-    try:
-        values = json.loads(arrays[_STATE].tobytes())
-    except (KeyError, ValueError, RecursionError) as error:
-        raise ValueError(f"its {_STATE} cannot be read: {type(error).__name__}") from None
-    check_values(values)
-    return values
 
 
 def _seconds(folder: Path) -> dict[int, float]:
@@ -358,22 +324,8 @@ def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], trusted: Sequence[s
         descriptor = Descriptor(kind)
     if _LOW not in arrays or (kind != _LEARNED and kind != OBSERVATION):
         return descriptor
-    scaling, shape = Scaling(arrays[_LOW], arrays[_HIGH]), tuple(_values(arrays)["shape"])
-    _check_scaling(scaling, shape, arrays.get("observation"))
-    try:
-        return descriptor.restored(scaling, shape)
-    except Exception as error:  # of a transformer whose parts do not fit together
-        raise ValueError(f"its descriptor does not work: {type(error).__name__}: {error}") from error
-
-
-def _check_scaling(scaling: Scaling, shape: tuple[int, ...], observation: np.ndarray | None) -> None:
-    """Raise ValueError unless a scaling is one of observations of this shape."""
-    if observation is not None and len(observation) and observation.shape[1:] != shape:
-        raise ValueError(f"its descriptor is of observations of shape {shape}, and those stored have {observation.shape[1:]}")
-    channels = (shape[-1] if shape else 1,)
-    for name, ends in zip(scaling._fields, scaling, strict=True):
-        if ends.dtype != np.float64 or ends.shape != channels or not np.isfinite(ends).all():
-            raise ValueError(f"its scaling must be finite numbers, {channels}, got {name} of shape {ends.shape}, {ends.dtype}")
+    shape = tuple(json.loads(arrays[_STATE].tobytes())["shape"])
+    return descriptor.restored(Scaling(arrays[_LOW], arrays[_HIGH]), shape)
 
 
 def _existing(folder: str | os.PathLike, name: str) -> Path:
