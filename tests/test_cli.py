@@ -215,7 +215,9 @@ def test_run_with_other_archives_and_pretrained(tmp_path, monkeypatch, options, 
     if "observation" in options:
         assert_array_equal(repertoire.describe(repertoire.observation), repertoire.descriptor)
     config = storage.load_config(tmp_path / "run")
-    assert settings.Settings.from_json(config).as_json() == {k: v for k, v in config.items() if k != "environment"}
+    assert settings.Settings.from_json(config).as_json() == {
+        k: v for k, v in config.items() if k not in ("environment", "provenance")
+    }
 
 
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])

@@ -435,22 +435,18 @@ class Aurora:
         stored = len(archive) > 0
         if not stored and len(individuals.genotype) == 0:
             return None
-        columns = (archive.genotype, archive.observation, archive.ground_truth) if stored else individuals.sources
-        enough = len(columns[1]) >= self._descriptor.rows_to_fit(columns[1][0].size)
+        columns: Any = archive if stored else individuals
+        sources = Sources(columns.genotype, columns.observation, columns.ground_truth, columns.born)
+        enough = len(sources.observation) >= self._descriptor.rows_to_fit(sources.observation[0].size)
         update = updated(
             self._descriptor,
-            Sources(*columns, self._called),
+            sources,
             archive.descriptor if stored and self._descriptor.ready else None,
             refit=not self._descriptor.ready or (self._refits and enough),
             robust=self.robust,
             resolution=self.resolution,
         )
         return update if stored else update._replace(values=update.values[:0], error=None)
-
-    def _called(self, rows: np.ndarray) -> str:
-        """Individuals that are stored, or that are about to be, in words."""
-        shown = rows[:5] if len(self.archive) == 0 else self.archive.id[rows[:5]]
-        return f"{'rows' if len(self.archive) == 0 else 'ids'} {', '.join(map(str, shown))}{', ...' * (len(rows) > 5)}"
 
     def _take(self, update: Update) -> RefusedUpdate | None:
         """Take over a new descriptor: redefine l and add all again; or say why it is not taken."""

@@ -54,12 +54,12 @@ class Update(NamedTuple):
 
 
 class Sources(NamedTuple):
-    """What descriptors read, a row an individual, and how to call the rows in messages."""
+    """What descriptors read, a row an individual, and the number of its evaluation, for messages."""
 
     genotype: np.ndarray
     observation: np.ndarray
     ground_truth: np.ndarray | None
-    called: Callable[[np.ndarray], str]
+    born: np.ndarray
 
 
 def updated(
@@ -111,10 +111,14 @@ def _fitted_on(sources: Sources, robust: bool) -> np.ndarray:
     largest, count = np.abs(x[far].astype(np.float64)).max(), np.count_nonzero(far)
     warnings.warn(
         f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
-        f"{largest:.3g}, set aside when the descriptor is fitted: {sources.called(np.flatnonzero(far))}. What is stored stays",
+        f"{largest:.3g}, set aside for the fit: evaluation {_listed(sources.born[far])}. What is stored stays",
         stacklevel=6,
     )
     return x[~far]
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return f"{', '.join(map(str, numbers[:5]))}{', ...' * (len(numbers) > 5)}"
 
 
 def _check_spread(values: np.ndarray, before: np.ndarray | None, *, said: str, first_fit: bool) -> None:
