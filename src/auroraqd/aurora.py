@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, number, whole
+from auroraqd._checks import finite_rows, number, numbers, numeric, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, check_like
 from auroraqd.batch import Batch, Pending
@@ -113,7 +113,9 @@ class Aurora:
         if prior is not None:
             if not self._descriptor.learned:
                 raise ValueError(f"prior is for descriptors that are learned, not for {descriptor!r}")
-            self._descriptor = self._descriptor.refitted(_checked_prior(prior))
+            self._descriptor = self._descriptor.refitted(
+                numeric("prior", prior, " of shape (n, ...)", rows=True, some=True, finite=True)
+            )
         self._waiting: Batch | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
         self._attempts = Attempts()  # at updates, since the last that was taken
@@ -275,10 +277,7 @@ class Aurora:
             self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
     def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
-        try:
-            children = np.array(genotypes, np.float64)
-        except (TypeError, ValueError):
-            raise ValueError(f"genotypes must be numbers of shape (n, {self.n_genes})") from None
+        children = numbers("genotypes", genotypes, f" of shape (n, {self.n_genes})").copy()
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
             raise ValueError(f"genotypes must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
         if not ((children >= 0) & (children <= 1)).all():
@@ -504,18 +503,6 @@ class _Budget:
             or self._aurora.evaluations >= self._evaluations
             or time.monotonic() >= self._deadline
         )
-
-
-def _checked_prior(prior: ArrayLike) -> np.ndarray:
-    try:
-        observation = np.asarray(prior)
-    except ValueError:
-        raise ValueError("prior must be observations, (n, ...) numbers, with rows of one shape") from None
-    if observation.dtype.kind not in "biuf" or observation.ndim < 1 or observation.size == 0:
-        raise ValueError(f"prior must be observations, (n, ...) numbers, got shape {observation.shape} of {observation.dtype}")
-    if not finite_rows(observation).all():
-        raise ValueError("prior must be finite, got a NaN or an infinity")
-    return observation
 
 
 def _check_callable(name: str, value: object) -> None:

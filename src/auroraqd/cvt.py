@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import whole
+from auroraqd._checks import numbers, whole
 from auroraqd._files import replacing
 from auroraqd.cells import CellArchive
 
@@ -123,7 +123,9 @@ class CVTArchive(CellArchive):
         given = centroids.centroids if isinstance(centroids, Tessellation) else centroids
         points = _points("centroids", given)
         _, first = np.unique(points, axis=0, return_index=True)
-        asked, samples, steps = centroids[1:] if isinstance(centroids, Tessellation) else (len(points), 0, 0)
+        counts = centroids[1:] if isinstance(centroids, Tessellation) else (len(points), 0, 0)
+        named = zip(("asked", "samples", "steps"), counts, strict=True)
+        asked, samples, steps = (whole(f"{name} of the centroids", count, least=0) for name, count in named)
         points = points[np.sort(first)]
         points.flags.writeable = False
         self.tessellation = Tessellation(points, asked, samples, steps)
@@ -200,15 +202,7 @@ class CVTArchive(CellArchive):
 
 
 def _points(name: str, values: ArrayLike) -> np.ndarray:
-    try:
-        points = np.ascontiguousarray(values, np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers of shape (n, d)") from None
-    if points.ndim != 2 or points.size == 0:
-        raise ValueError(f"{name} must have shape (n, d) with n, d >= 1, got {points.shape}")
-    if not np.isfinite(points).all():
-        raise ValueError(f"{name} must be finite, got a NaN or an infinity")
-    return points
+    return np.ascontiguousarray(numbers(name, values, " of shape (n, d)", axes=2, some=True, finite=True))
 
 
 def cache_folder() -> Path:

@@ -97,12 +97,27 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     rng = np.random.default_rng()
     rng.bit_generator.state = values["random"]
     pending, waiting = _named("pending", arrays), _named("waiting", arrays)
+    if aurora.resolution is not None and not hasattr(archive, "l"):
+        raise ValueError(f"resolution is for an archive with a distance threshold l, and {type(archive).__name__} has none")
+    _check_described(archive, descriptor)
     aurora.archive, aurora._descriptor, aurora._rng = archive, descriptor, rng
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
     aurora._waiting = Batch(**{"ground_truth": None, **waiting}) if waiting else None
     aurora._pending = Pending(**pending, rearranged=values["rearranged"], since=time.perf_counter()) if pending else None
     return aurora
+
+
+def _check_described(archive: Archive, descriptor: Descriptor) -> None:
+    """Raise ValueError unless the descriptor gives descriptors like those that are stored."""
+    if len(archive) == 0 or not descriptor.ready:
+        return
+    truth = archive.ground_truth
+    values, _ = descriptor.describe(archive.genotype[:1], archive.observation[:1], None if truth is None else truth[:1])
+    if values.shape[1] != archive.descriptor.shape[1]:
+        raise ValueError(
+            f"descriptor must have {values.shape[1]} dimensions, as {descriptor} gives, got {archive.descriptor.shape[1]}"
+        )
 
 
 def settings_of(aurora: Aurora) -> dict[str, Any]:
