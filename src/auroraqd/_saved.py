@@ -194,9 +194,10 @@ _VALUES: dict[str, Callable[[str, Any], Any]] = {
     "shape": _shape,
     "rearranged": partial(_or_none, _count),
 }
-_SINCE: dict[str, Callable[[str, Any], Any]] = {  # what files of version 0.2.0 lack
+_SINCE: dict[str, Callable[[str, Any], Any]] = {  # what files of version 0.2.0, or runs from Python, lack
     "robust": _true_or_false,
     "survival": partial(number, most=1, wanted="a share, from 0 to 1"),
     "_refused": _count,
     "attempts": _attempts,
+    "config": _object,
 }

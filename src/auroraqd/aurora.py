@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, number, numbers, numeric, whole
+from auroraqd._checks import finite_rows, number, numbers, numeric, shown, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, check_like
 from auroraqd.batch import Batch, Pending
 from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.history import History, Record
-from auroraqd.resolution import Automatic
+from auroraqd.resolution import VAT, Automatic
 from auroraqd.schedule import Doubling
 from auroraqd.selection import Curiosity
 from auroraqd.tasks import Evaluation, TaskError, checked, evaluated, name_of
@@ -97,7 +97,7 @@ class Aurora:
         self.archive = UnstructuredArchive() if archive is None else archive
         self.selection = selection
         self.variation = variation
-        self.resolution = resolution if hasattr(self.archive, "l") else None
+        self.resolution = _resolution_for(self.archive, resolution)
         self.schedule = schedule
         self.survival = number("survival", survival, most=1, wanted="a share, from 0 to 1")
         if not isinstance(robust, bool):
@@ -148,7 +148,11 @@ class Aurora:
             RuntimeError: the descriptor is not learned, not yet, or has no `inverse_transform`.
             ValueError: the descriptors are no numbers, or of the wrong shape.
         """
-        return self._descriptor.reconstruct(descriptor)
+        places = numbers("descriptor", descriptor, " of shape (n, d)", axes=2)
+        if len(self.archive) and places.shape[1] != self.archive.descriptor.shape[1]:
+            wanted = f"(n, {self.archive.descriptor.shape[1]}), as those in the archive"
+            raise ValueError(f"descriptor must have shape {wanted}, got {places.shape}")
+        return self._descriptor.reconstruct(places)
 
     def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray:
         """The next batch to evaluate, (n, n_genes) in [0, 1]: random while nothing is stored, then offspring.
@@ -469,7 +473,8 @@ class Aurora:
 
 
 def _mean(values: np.ndarray) -> float:
-    return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
+    with np.errstate(over="ignore"):  # of the largest numbers the mean is infinite
+        return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
 
 
 def _say(warning: str | None) -> None:
@@ -505,6 +510,17 @@ class _Budget:
         )
 
 
+def _resolution_for(archive: Archive, resolution: Any) -> Any:
+    """The resolution, or None for an archive that has no l; there, only the default may be passed over."""
+    if hasattr(archive, "l"):
+        return resolution
+    if resolution not in (None, Automatic(), VAT()):
+        raise ValueError(
+            f"resolution is for an archive with a distance threshold l, and {type(archive).__name__} has none, got {resolution!r}"
+        )
+    return None
+
+
 def _check_callable(name: str, value: object) -> None:
     if isinstance(value, type) or not callable(value):
-        raise TypeError(f"{name} must be callable, an instance and not a class, got {value!r}")
+        raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")

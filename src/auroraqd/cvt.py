@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import numbers, whole
+from auroraqd._checks import numbers, shown, whole
 from auroraqd._files import replacing
 from auroraqd.cells import CellArchive
 
@@ -68,7 +68,7 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
     samples = _points("samples", samples)
     cells, steps, seed = whole("cells", cells), whole("steps", steps), whole("seed", seed, least=0)
     if len(samples) < cells:
-        raise ValueError(f"samples must be at least as many as cells, {cells}, got {len(samples)}")
+        raise ValueError(f"samples must be at least as many as cells, {shown(cells)}, got {len(samples)}")
     path = _cache_path(samples, cells, steps, seed) if cache else None
     found = None if path is None else _read(path)
     if found is not None and found.centroids.shape[1] == samples.shape[1] and len(found.centroids) <= cells:
@@ -82,6 +82,9 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
 def _lloyd(samples: np.ndarray, cells: int, steps: int, seed: int) -> Tessellation:
     from sklearn.cluster import KMeans
 
+    if np.abs(samples).max() > 2.0**900:  # their differences and sums are to be numbers too
+        found = _lloyd(samples * 2.0**-200, cells, steps, seed)
+        return found._replace(centroids=found.centroids * 2.0**200)
     distinct = np.unique(samples, axis=0)
     if len(distinct) <= cells:
         return Tessellation(distinct, cells, len(samples), 0)
@@ -172,7 +175,8 @@ class CVTArchive(CellArchive):
     def _nearest(self, x: np.ndarray) -> np.ndarray:
         """The nearest centroid of each of a few descriptors, (n, d)."""
         n, d = x.shape
-        near = (x - self._middle) / self._unit
+        with np.errstate(over="ignore"):  # what is infinite is far
+            near = (x - self._middle) / self._unit
         length = np.abs(near).max(axis=1) * np.sqrt(d)  # at most: for the bounds below
         far = length > _FAR  # their scores say too little: all centroids are looked at
         near[far] = 0
@@ -191,10 +195,10 @@ class CVTArchive(CellArchive):
         nearest = np.zeros(n, np.int64)
         points = self.tessellation.centroids
         # By a power of two, which changes no digit, so that squares neither overflow nor vanish.
-        size = np.maximum(np.abs(x - self._middle).max(axis=1), self._unit)
+        size = np.maximum(np.abs(x / 2 - self._middle / 2).max(axis=1), self._unit / 2)
         scale = np.exp2(-np.clip(np.frexp(size)[1], -1000, 1000).astype(float))
         for i, start in zip(row.tolist(), (group * _GROUP).tolist(), strict=True):
-            distance = (((points[start : start + _GROUP] - x[i]) * scale[i]) ** 2).sum(axis=1)
+            distance = ((points[start : start + _GROUP] * scale[i] - x[i] * scale[i]) ** 2).sum(axis=1)
             j = int(distance.argmin())
             if distance[j] < best[i]:
                 best[i], nearest[i] = distance[j], start + j

@@ -150,7 +150,7 @@ def _called(source: Any) -> str:
 
 def _strategy(name: str, value: Any, module: Any) -> Any:
     """A strategy from what `as_json` made of it."""
-    if value is None:
+    if value is None and name == "resolution":
         return None
     options = dict(value) if isinstance(value, Mapping) else {"type": value}
     kind = getattr(module, str(options.pop("type", None)), None)

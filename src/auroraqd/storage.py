@@ -42,7 +42,7 @@ CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire
 PREVIOUS = "repertoire.previous.safetensors"
 _PICTURES = ("repertoire.*", "history.*", "skills.*", "skill-*.*")  # in figures/, of what is stored
 _FORMAT = "auroraqd repertoire 2"
-_LEARNED = "learned"
+_LEARNED, _BUDGET = "learned", "generations"
 _LOW, _HIGH, _TRANSFORMER, _STATE = "scaling.low", "scaling.high", "transformer.skops", "state.json"
 _Made = TypeVar("_Made")
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba", "jax", "equinox", "optax")
@@ -89,7 +89,7 @@ def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, kee
     _write(folder / HISTORY, _history_csv(aurora.history.records))
     if keep:
         _keep(folder)
-    arrays, kind = _contents(aurora)
+    arrays, kind = _contents(aurora, config)
     _tensors.write(folder / REPERTOIRE, arrays, _FORMAT, kind)
     write_config(aurora, folder, config)
     for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
@@ -192,6 +192,19 @@ def whose(folder: Path) -> tuple[dict[str, Any], int]:
     if error is not None:
         (folder / PREVIOUS).replace(folder / REPERTOIRE)
     return values["settings"], values["generation"]
+
+
+def changed(folder: Path, config: Mapping[str, Any]) -> list[str]:
+    """What differs between these settings and those that the last checkpoint was saved with, in words.
+
+    Args:
+        folder: of the run.
+        config: as `save` takes it. Of what it is silent about, and of how many generations there are to be, nothing is said.
+    """
+    before, _ = _last(folder, lambda arrays, _: _values(arrays).get("config", {}))
+    now = json.loads(json.dumps(config))
+    names = [name for name in before if name in now and before[name] != now[name]]
+    return [f"{name} {shown(now[name])} and not {shown(before[name])}" for name in names]
 
 
 def load_config(folder: str | os.PathLike) -> dict[str, Any]:
@@ -306,10 +319,12 @@ def _history_csv(records: Sequence[Record]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _contents(aurora: Aurora) -> tuple[dict[str, np.ndarray], str]:
+def _contents(aurora: Aurora, config: Mapping[str, Any] | None) -> tuple[dict[str, np.ndarray], str]:
     """The arrays of a checkpoint, and the kind of the descriptor."""
     descriptor, state = aurora.descriptor, state_of(aurora)
-    arrays = {**state.arrays, _STATE: np.frombuffer(json.dumps(state.values).encode(), np.uint8)}
+    # How far a run is to go is no part of what it is.
+    kept = {} if config is None else {"config": {name: value for name, value in config.items() if name != _BUDGET}}
+    arrays = {**state.arrays, _STATE: np.frombuffer(json.dumps({**state.values, **kept}).encode(), np.uint8)}
     if descriptor.scaling is not None:
         arrays[_LOW], arrays[_HIGH] = descriptor.scaling
     if isinstance(descriptor.source, str):

@@ -163,10 +163,8 @@ def resume(
             task, aurora = settings.build()
     if getattr(task, "n_genes", None) != aurora.n_genes:
         raise UserError(f"task {settings.task} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
-    given = {name: getattr(settings, name) for name in ("seed", "batch_size", "selection", "variation", "schedule")}
-    differ = [
-        f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
-    ]
+    differ = _differences(settings, aurora) + (storage.changed(folder, settings.as_json()) if aurora.generation else [])
+    differ = list({text.split()[0]: text for text in reversed(differ)}.values())
     if differ:
         raise UserError(f"{folder}/config.json has been changed, {', '.join(differ)}: the run cannot go on with it")
     if aurora.generation >= settings.generations:
@@ -175,6 +173,15 @@ def resume(
             "--generations with a larger number goes on"
         )
     _grow(task, aurora, settings, folder, figures, checkpoint_every, executor_factory(jobs, scheduler))
+
+
+def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
+    """What differs between settings and a run, in words, as far as the run itself says."""
+    names = ["seed", "batch_size", "selection", "variation", "schedule"]
+    given = {name: getattr(settings, name) for name in names}
+    return [
+        f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
+    ]
 
 
 def _settings_in(folder: Path) -> "Settings":

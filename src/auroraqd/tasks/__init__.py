@@ -102,8 +102,10 @@ def checked(evaluation: Evaluation, n: int) -> Evaluation:
     observation = _rows("observation", evaluation.observation, n)
     if observation[0].size == 0:
         raise ValueError(f"observation must have entries, got shape {observation.shape}")
-    truth = evaluation.ground_truth
-    return Evaluation(fitness.astype(np.float64), observation, None if truth is None else _rows("ground_truth", truth, n))
+    truth = None if evaluation.ground_truth is None else _rows("ground_truth", evaluation.ground_truth, n)
+    if truth is not None and truth[0].size == 0:
+        raise ValueError(f"ground_truth must have entries, got shape {truth.shape}")
+    return Evaluation(fitness.astype(np.float64), observation, truth)
 
 
 def _rows(name: str, values: Any, n: int) -> np.ndarray:
