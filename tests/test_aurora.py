@@ -229,7 +229,8 @@ def test_a_descriptor_that_misbehaves_is_named(change, message):
     with np.errstate(invalid="ignore"):
         with pytest.warns(UserWarning, match=f"no update of the descriptor at generation 0: .*{message}.*individuals wait"):
             aurora.run(circle, generations=1)
-        with pytest.warns(UserWarning), pytest.raises(auroraqd.DescriptorError, match="it was tried 10 times before"):
+        again = pytest.raises(auroraqd.DescriptorError, match="it was tried 10 times before")
+        with pytest.warns(UserWarning, match="individuals wait"), again:
             aurora.run(circle, generations=20)
     assert len(aurora.archive) == 0
     assert aurora.generation == 10

@@ -30,6 +30,7 @@ _HOME = {
     "Never": "schedule",
     "Polynomial": "variation",
     "Repertoire": "repertoire",
+    "Size": "resolution",
     "TaskError": "tasks",
     "Uniform": "selection",
     "UnstructuredArchive": "archive",
@@ -61,6 +62,7 @@ __all__ = [
     "Never",
     "Polynomial",
     "Repertoire",
+    "Size",
     "TaskError",
     "Uniform",
     "UnstructuredArchive",
@@ -84,7 +86,7 @@ if TYPE_CHECKING:
     from auroraqd.cvt import CVTArchive, tessellate
     from auroraqd.descriptor import DescriptorError
     from auroraqd.repertoire import Repertoire
-    from auroraqd.resolution import VAT, Fixed
+    from auroraqd.resolution import VAT, Fixed, Size
     from auroraqd.schedule import Doubling, Every, Never
     from auroraqd.selection import Curiosity, Uniform
     from auroraqd.storage import load, resume, save

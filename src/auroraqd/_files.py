@@ -97,7 +97,7 @@ def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list
     try:
         with path.open(newline="") as file:
             header, *rows = csv.reader(file)
-        wanted = set(fields) - set(kind._field_defaults)  # earlier versions had fewer
+        wanted = set(fields) - set(getattr(kind, "_field_defaults"))  # noqa: B009 - of a `NamedTuple`; earlier versions had fewer
         if not wanted <= set(header) or len(set(header)) < len(header) or (rest is None and len(header) > len(fields)):
             raise ValueError(f"the columns must be {', '.join(fields)}")
         return [_record(kind, fields, dict(zip(header, row, strict=True)), rest) for row in rows]

@@ -108,6 +108,8 @@ def _check_individuals(prefix: str, columns: Mapping[str, np.ndarray], n_genes: 
         raise ValueError(f"{prefix}.genotype must have shape (n, {n_genes}), in [0, 1], got shape {genotype.shape}")
     for name in ("parent_id", "parent_row"):
         check_array(f"{prefix}.{name}", columns.get(name), axes=1, dtype=np.int64, n=len(genotype))
+    if "born" in columns:  # not in files of version 0.2.0
+        check_array(f"{prefix}.born", columns["born"], axes=1, dtype=np.int64, n=len(genotype))
     if prefix == "waiting":
         check_array("waiting.fitness", columns.get("fitness"), axes=1, dtype=np.float64, finite=True, n=len(genotype))
         check_array("waiting.observation", columns.get("observation"), finite=True, n=len(genotype))

@@ -1,8 +1,8 @@
 """Fitting a transformer; PCA among them by a solver that does not give up.
 
-scikit-learn's PCA, unless told otherwise, decomposes small matrices by LAPACK's divide and conquer (gesdd), which does not always
-converge on matrices with many equal singular values (scikit-learn issue 7113): on the first generation of a robot that mostly
-stays where it is, most rows are the same. The eigenvalues of the covariance can always be found.
+scikit-learn's PCA, unless told otherwise, decomposes small matrices by LAPACK's divide and conquer (gesdd), which does not
+always converge on matrices with many equal singular values (scikit-learn issue 7113): on the first generation of a robot that
+mostly stays where it is, most rows are the same. The eigenvalues of the covariance can always be found.
 """
 
 import logging
@@ -18,8 +18,8 @@ _log = logging.getLogger("auroraqd")
 def fit(transformer: Any, x: np.ndarray) -> None:
     """Fit a transformer on x; each `PCA(svd_solver="auto")`, alone or in a pipeline, by what always converges.
 
-    That is what scikit-learn would take by the shape of x, unless rows repeat: then "covariance_eigh", up to 1,000 features. Should
-    the solver fail all the same, another takes its place, with a warning. The parameter is "auto" again in the end.
+    That is what scikit-learn would take by the shape of x, unless rows repeat: then "covariance_eigh", up to 1,000 features.
+    Should the solver fail all the same, another takes its place, with a warning. The parameter is "auto" again in the end.
 
     Raises:
         Exception: whatever the transformer raises.

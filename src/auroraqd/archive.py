@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from auroraqd import _neighbours
 from auroraqd._checks import finite_rows, number, numbers, numeric, rows_of, shown, whole, whole_numbers
 from auroraqd._interrupts import uninterrupted
-from auroraqd.population import Population
+from auroraqd.population import ORIGIN, Population
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""
@@ -35,8 +35,10 @@ _COLUMNS: dict[str, tuple[int | None, type | None]] = {  # axes and dtype; None:
     "id": (1, np.int64),
     "ground_truth": (None, None),
     "reconstruction_error": (1, np.float64),
+    "born": (1, np.int64),
+    "parent": (1, np.int64),
 }
-_OPTIONAL = ("ground_truth", "reconstruction_error")
+_OPTIONAL = ("ground_truth", "reconstruction_error", "born", "parent")
 _MOST_ID = 2**62
 _MOST_ROWS = int(np.iinfo(np.int32).max)
 _STORED_CREDIT, _UNSTORED_CREDIT = 1.0, -0.5  # curiosity score [Cully & Demiris, IEEE TEVC 2018]
@@ -47,10 +49,12 @@ class Archive(ABC):
 
     Columns are read-only views of the individuals stored now, an individual a row; take a copy to keep one:
     `genotype` (n, n_genes), `fitness` (n,), `observation` (n, ...), `descriptor` (n, d), `ground_truth` (n, ...) or None,
-    `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64. An id is never given twice.
+    `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64, `born` (n,) int64, `parent` (n,) int64. An id is
+    never given twice.
 
-    A new kind of archive provides `_place`, which decides, `_clear`, which forgets, and `_remember`, which finds its way into
-    individuals that are there.
+    A new kind of archive provides five things, and calls `super().__init__()`: `_place`, which decides; `_clear`, which
+    forgets; `_remember`, which finds its way into individuals that are there; and the properties `full` and `settings`.
+    `_place` sees individuals in the order of their rows: the first that it calls new is in row 0 of an empty archive.
     """
 
     def __init__(self) -> None:
@@ -93,7 +97,7 @@ class Archive(ABC):
     @property
     @abstractmethod
     def full(self) -> bool:
-        """Whether new individuals are rejected for lack of room."""
+        """Whether there is no room: an individual is stored only in the place of another, if at all."""
 
     @property
     @abstractmethod
@@ -114,7 +118,8 @@ class Archive(ABC):
         """Become the archive, of the same parameters, that had these columns and this `state`.
 
         Args:
-            columns: by name, all of those that the archive had.
+            columns: by name, all of those that the archive had; `born` and `parent`, which an earlier version did not keep,
+                are -1 if they are missing.
             state: likewise.
 
         Raises:
@@ -132,6 +137,7 @@ class Archive(ABC):
             self._population = Population()
             self._clear()
             size = len(columns["id"])
+            columns = {**{name: np.full(size, -1) for name in ORIGIN}, **columns}
             if size:
                 self._population.define(columns)
                 self._population.reserve(size)
@@ -142,6 +148,9 @@ class Archive(ABC):
     def _apart(self, descriptor: np.ndarray) -> bool:
         """Whether individuals with these descriptors, (n, d) finite, n >= 1, can be stored beside each other."""
         return True
+
+    def _whole_column(self, name: str) -> np.ndarray:
+        return self._population[name] if name in self._population else np.empty(0, np.int64)
 
     def _column(self, name: str, row_shape: tuple[int, ...] = ()) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty((0, *row_shape))
@@ -187,7 +196,17 @@ class Archive(ABC):
     @property
     def id(self) -> np.ndarray:
         """(n,) int64: unique, given in the order of storing; rows are not sorted by it, for some replace others."""
-        return self._population["id"] if "id" in self._population else np.empty(0, np.int64)
+        return self._whole_column("id")
+
+    @property
+    def born(self) -> np.ndarray:
+        """(n,) int64: the number of its evaluation in its run, the first is 0; -1 where it is not known."""
+        return self._whole_column("born")
+
+    @property
+    def parent(self) -> np.ndarray:
+        """(n,) int64: the id of its parent, which may have been replaced; -1 for none, or where it is not known."""
+        return self._whole_column("parent")
 
     def add(
         self,
@@ -198,6 +217,8 @@ class Archive(ABC):
         *,
         ground_truth: ArrayLike | None = None,
         reconstruction_error: ArrayLike | None = None,
+        born: ArrayLike | None = None,
+        parent: ArrayLike | None = None,
     ) -> np.ndarray:
         """Add individuals one at a time, in order, each to an archive that holds the ones before it.
 
@@ -208,6 +229,8 @@ class Archive(ABC):
             descriptor: (n, d).
             ground_truth: (n, ...), if known. Given either always or never.
             reconstruction_error: (n,), if known. Given either always or never.
+            born: (n,) whole numbers, of their evaluations, if known; otherwise it is -1.
+            parent: (n,) ids of their parents, -1 for none; likewise.
 
         Returns:
             (n,) int8, the status of each: 0 rejected, 1 new, 2 replaced another, -1 invalid (a NaN or an infinity in
@@ -226,7 +249,9 @@ class Archive(ABC):
             batch["ground_truth"] = numeric("ground_truth", ground_truth, rows=True)
         if reconstruction_error is not None:
             batch["reconstruction_error"] = numbers("reconstruction_error", reconstruction_error, axes=1)
-        del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error
+        batch["born"] = _origin("born", born, len(batch["genotype"]))
+        batch["parent"] = _origin("parent", parent, len(batch["genotype"]))
+        del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error, born, parent
         with self._lock, uninterrupted():
             self._check(batch)
             return self._add(batch)
@@ -588,3 +613,13 @@ def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
         raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
         raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
+
+
+def _origin(name: str, values: ArrayLike | None, n: int) -> np.ndarray:
+    """Whole numbers that say where n individuals come from, (n,); -1 if they are not given."""
+    if values is None:
+        return np.full(n, -1)
+    whole = whole_numbers(name, values)
+    if whole.ndim != 1:
+        raise ValueError(f"{name} must have shape (n,), got {whole.shape}")
+    return whole

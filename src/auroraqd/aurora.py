@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,8 @@ from auroraqd.update import FIRST_FITS, Attempts, RefusedUpdate, Sources, Update
 from auroraqd.variation import Polynomial
 
 SURVIVAL = 0.25
-"""The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them, the
-smallest of auto-encoders; two of three on archives of fewer than 100 in five dimensions, 0.4."""
+"""The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
+those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were kept."""
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
 
@@ -54,9 +55,9 @@ class Aurora:
         schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
             descriptor that is not learned is updated likewise, without the refit.
         prior: observations, (n, ...), on which the descriptor is fitted once, now, with its scaling; it is then never refitted.
-        survival: the least share of the individuals stored, or of those that the resolution aims at if these are fewer, that must
-            survive an update of the descriptor and l; one that leaves fewer is refused, with a warning, and the descriptor before
-            it stays (`auroraqd.update`). 0: none is refused for that.
+        survival: the least share of the individuals stored, or of those that the resolution aims at if these are fewer, that
+            must survive an update of the descriptor and l; one that leaves fewer is refused, with a warning, and the descriptor
+            before it stays (`auroraqd.update`). 0: none is refused for that.
         robust: whether observations far outside all others, one in a hundred at most, are set aside, with a warning, when the
             descriptor and its scaling are fitted (`auroraqd.scaling.far_outside`). False is the rule of the paper.
 
@@ -129,7 +130,7 @@ class Aurora:
 
     @property
     def descriptor(self) -> Descriptor:
-        """The descriptor as it is now, with its transformer in `source` once fitted."""
+        """The descriptor as it is now; once it is fitted, `transformer` is what was learned."""
         return self._descriptor
 
     def describe(self, observation: ArrayLike) -> np.ndarray:
@@ -162,12 +163,18 @@ class Aurora:
 
         Raises:
             RuntimeError: the last batch has not been told.
-            ValueError: genotypes has the wrong shape or leaves [0, 1].
+            ValueError: genotypes has the wrong shape or leaves [0, 1]; or the selection or the variation returned something
+                else than it must. Nothing has changed.
         """
         if self._pending is not None:
             raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
+        random = self._rng.bit_generator.state
         with uninterrupted():
-            return self._asked(genotypes)
+            try:
+                return self._asked(genotypes)
+            except BaseException:  # a strategy that fails has used random numbers, and the run must not take another course
+                self._rng.bit_generator.state = random
+                raise
 
     def _asked(self, genotypes: ArrayLike | None) -> np.ndarray:
         since = time.perf_counter()
@@ -209,7 +216,10 @@ class Aurora:
         was_full = self.archive.full
         status = self._told(self._pending, evaluation)
         if self.archive.full and not was_full:
-            warnings.warn(f"the archive is full ({len(self.archive)} individuals): new ones are rejected", stacklevel=2)
+            warnings.warn(
+                f"the archive is full ({len(self.archive)} individuals): from now on, one is stored only in another's place",
+                stacklevel=2,
+            )
         return status
 
     @property
@@ -229,8 +239,10 @@ class Aurora:
         generations: int | None = None,
         evaluations: int | None = None,
         seconds: float | None = None,
+        until_generation: int | None = None,
         initial: ArrayLike | None = None,
-        callback: Callable[[Aurora], Any] | None = None,
+        callback: Callable[[Aurora], Any] | Sequence[Callable[[Aurora], Any]] | None = None,
+        progress: bool = False,
     ) -> Aurora:
         """Evaluate generations on a task until a budget is used up. Called again, it goes on.
 
@@ -242,9 +254,13 @@ class Aurora:
                 truth, or to observation alone. One whose attribute `seeded` is true is also given `seeds`, (n,) uint64.
             generations, evaluations, seconds: the budgets of this call, at least one of them; the first to be used up
                 ends it, at the end of a generation.
+            until_generation: a budget too: the generation to reach, counted from the beginning of the run, not of this call. A
+                script that resumes its run needs no other.
             initial: (m, n_genes) in [0, 1], known controllers, evaluated first. While nothing is stored, random ones fill
                 the batch up.
-            callback: called with this object after each generation; the run stops when it returns True.
+            callback: called with this object after each generation; the run stops when it returns True. Of several, a sequence,
+                all are called, in order.
+            progress: whether to show how it goes: a bar on a terminal, a line every ten seconds elsewhere, on standard error.
 
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
@@ -253,10 +269,14 @@ class Aurora:
             ValueError: no budget, or a negative one.
         """
         _check_callable("task", task)
-        budget = _Budget(self, generations, evaluations, seconds)
-        if callback is not None:
-            _check_callable("callback", callback)
+        budget = _Budget(self, generations, evaluations, seconds, until_generation)
+        callbacks = _callbacks(callback)
         known = None if initial is None else self._checked_genotypes(initial)
+        with _shown(self, budget) if progress else nullcontext() as show:
+            self._run(task, budget, known, callbacks if show is None else [*callbacks, show])
+        return self
+
+    def _run(self, task: Callable, budget: _Budget, known: np.ndarray | None, callbacks: list[Callable[[Aurora], Any]]) -> None:
         while not budget.used_up():
             if self._pending is None and known is not None:
                 self._ask_known(known)
@@ -270,9 +290,8 @@ class Aurora:
                 raise TaskError(f"task {name_of(task)} at generation {self.generation}: {error}") from error
             self.tell(*evaluation)
             self._check_progress(task)
-            if callback is not None and callback(self) is True:
+            if any([_is_true(callback(self)) for callback in callbacks]):
                 break
-        return self
 
     def _ask_known(self, known: np.ndarray) -> None:
         """Known controllers as the next batch; in an empty archive, filled up with random ones."""
@@ -315,7 +334,8 @@ class Aurora:
 
     def _told(self, pending: Pending, evaluation: Evaluation) -> np.ndarray:
         """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
-        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
+        born = np.arange(self.evaluations, self.evaluations + len(pending.genotype))
+        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, born, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
         readable = self._descriptor.readable(batch.observation, batch.ground_truth)
@@ -377,6 +397,8 @@ class Aurora:
             values,
             ground_truth=individuals.ground_truth,
             reconstruction_error=error,
+            born=individuals.born,
+            parent=individuals.parent_id,
         )
 
     def _done(self, pending: Pending, status: np.ndarray, rmse: float) -> None:
@@ -401,22 +423,18 @@ class Aurora:
         stored = len(archive) > 0
         if not stored and len(individuals.genotype) == 0:
             return None
-        columns = (archive.genotype, archive.observation, archive.ground_truth) if stored else individuals.sources
-        enough = len(columns[1]) >= self._descriptor.rows_to_fit(columns[1][0].size)
+        columns: Any = archive if stored else individuals
+        sources = Sources(columns.genotype, columns.observation, columns.ground_truth, columns.born)
+        enough = len(sources.observation) >= self._descriptor.rows_to_fit(sources.observation[0].size)
         update = updated(
             self._descriptor,
-            Sources(*columns, self._called),
+            sources,
             archive.descriptor if stored and self._descriptor.ready else None,
             refit=not self._descriptor.ready or (self._refits and enough),
             robust=self.robust,
             resolution=self.resolution,
         )
         return update if stored else update._replace(values=update.values[:0], error=None)
-
-    def _called(self, rows: np.ndarray) -> str:
-        """Individuals that are stored, or that are about to be, in words."""
-        shown = rows[:5] if len(self.archive) == 0 else self.archive.id[rows[:5]]
-        return f"{'rows' if len(self.archive) == 0 else 'ids'} {', '.join(map(str, shown))}{', ...' * (len(rows) > 5)}"
 
     def _take(self, update: Update) -> RefusedUpdate | None:
         """Take over a new descriptor: redefine l and add all again; or say why it is not taken."""
@@ -453,7 +471,7 @@ class Aurora:
                 generation=self.generation,
                 evaluations=self.evaluations,
                 size=len(self.archive),
-                l=getattr(self.archive, "l", np.nan),
+                l=self.archive.l if isinstance(self.archive, UnstructuredArchive) else np.nan,
                 **self._counts,
                 mean_fitness=_mean(fitness),
                 max_fitness=float(fitness.max()) if len(fitness) else np.nan,
@@ -489,17 +507,34 @@ def _rmse(error: np.ndarray | None) -> float:
 class _Budget:
     """How much a call of `run` may use."""
 
-    def __init__(self, aurora: Aurora, generations: int | None, evaluations: int | None, seconds: float | None):
-        if generations is None and evaluations is None and seconds is None:
-            raise ValueError("run needs a budget: generations, evaluations or seconds")
+    def __init__(
+        self,
+        aurora: Aurora,
+        generations: int | None,
+        evaluations: int | None,
+        seconds: float | None,
+        until_generation: int | None,
+    ):
+        if generations is None and evaluations is None and seconds is None and until_generation is None:
+            raise ValueError("run needs a budget: generations, evaluations, seconds or until_generation")
         self._aurora = aurora
         self._generations = self._evaluations = self._deadline = np.inf
         if generations is not None:
             self._generations = aurora.generation + whole("generations", generations, least=0)
+        if until_generation is not None:
+            self._generations = min(self._generations, whole("until_generation", until_generation, least=0))
         if evaluations is not None:
             self._evaluations = aurora.evaluations + whole("evaluations", evaluations, least=0)
         if seconds is not None:
             self._deadline = time.monotonic() + number("seconds", seconds)
+
+    @property
+    def last_generation(self) -> int | None:
+        """The generation after which it is used up, at the latest; None where only the time says."""
+        aurora = self._aurora
+        batches = np.ceil(max(self._evaluations - aurora.evaluations, 0) / aurora.batch_size)
+        last = min(self._generations, aurora.generation + batches)
+        return int(last) if np.isfinite(last) else None
 
     def used_up(self) -> bool:
         """Whether one of the limits is reached."""
@@ -512,15 +547,36 @@ class _Budget:
 
 def _resolution_for(archive: Archive, resolution: Any) -> Any:
     """The resolution, or None for an archive that has no l; there, only the default may be passed over."""
-    if hasattr(archive, "l"):
+    if isinstance(archive, UnstructuredArchive):
         return resolution
     if resolution not in (None, Automatic(), VAT()):
-        raise ValueError(
-            f"resolution is for an archive with a distance threshold l, and {type(archive).__name__} has none, got {resolution!r}"
-        )
+        has_none = f"{type(archive).__name__} has none"
+        raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {resolution!r}")
     return None
 
 
 def _check_callable(name: str, value: object) -> None:
     if isinstance(value, type) or not callable(value):
         raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")
+
+
+def _is_true(value: Any) -> bool:
+    """Whether it is True, of Python or of NumPy: what else a callback returns means nothing."""
+    return isinstance(value, bool | np.bool_) and bool(value)
+
+
+def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
+    """One callback, several or none as a list."""
+    if given is None:
+        return []
+    several = list(given) if isinstance(given, Sequence) else [given]
+    for callback in several:
+        _check_callable("callback", callback)
+    return several
+
+
+def _shown(aurora: Aurora, budget: _Budget) -> Any:
+    """A context that shows the progress of a run, and gives a callback."""
+    from auroraqd.progress import shown  # Rich takes time to import
+
+    return shown(aurora, budget.last_generation)

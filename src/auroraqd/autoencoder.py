@@ -163,6 +163,15 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         }
         return cls(n_components, **{**literal, **options})
 
+    def check_parameters(self) -> None:
+        """What `fit` checks before it looks at any observations. `Aurora` asks for it at once, before a robot has moved.
+
+        Raises:
+            ValueError: a parameter is out of range.
+        """
+        self._protocol()
+        self._architecture(())
+
     def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
 
@@ -202,8 +211,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         if explained < _EXPLAINED and not trained.diverged:
             warnings.warn(
                 f"the latent space of AutoEncoder has collapsed: the reconstructions of {len(rows):,} observations, RMSE "
-                f"{training_rmse:.3g} on the [-1, 1] scale, are hardly better than their mean. A lower learning_rate, more epochs or "
-                "another network may help",
+                f"{training_rmse:.3g} on the [-1, 1] scale, are hardly better than their mean. A lower learning_rate, more "
+                "epochs or another network may help",
                 stacklevel=2,
             )
         self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(trained.network)]

@@ -71,6 +71,15 @@ class Descriptor:
     def __str__(self) -> str:
         return f"{self.source!r}" if isinstance(self.source, str) else f"the transform of {type(self.source).__name__}"
 
+    def __repr__(self) -> str:
+        fitted = f", of observations {rows_of(self.shape)}" if self.scaling is not None else ""
+        return f"Descriptor({self.source!r}{fitted})"
+
+    @property
+    def transformer(self) -> "Transformer | None":
+        """The object that is learned, fitted once `ready`; None where the descriptor is read off, not learned."""
+        return None if isinstance(self.source, str) else self.source
+
     @classmethod
     def checked(cls, source: "str | Transformer", rng: np.random.Generator) -> "Descriptor":
         """A descriptor from what a user gives.
@@ -86,6 +95,8 @@ class Descriptor:
             raise TypeError(
                 f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {shown(source)}"
             )
+        if hasattr(source, "check_parameters"):
+            source.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]
         return cls(_seeded(copy.deepcopy(source), rng))
 
     @property
@@ -285,8 +296,8 @@ def _works(transformer: Any, encode: Any, decode: Any, features: int) -> bool:
         reason = "" if none else f"{type(error).__name__}: {error}"
     if reason:
         warnings.warn(
-            f"the inverse_transform of {type(transformer).__name__} does not work, so there are no reconstructions and no errors of "
-            f"them: {reason}",
+            f"the inverse_transform of {type(transformer).__name__} does not work, so there are no reconstructions and no "
+            f"errors of them: {reason}",
             stacklevel=4,
         )
     return found == wanted

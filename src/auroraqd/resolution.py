@@ -3,8 +3,8 @@
 A resolution is a callable `resolution(descriptors)` from (n, d) float64 to l, used at every update of the descriptor. One that
 aims at a number of individuals says so in an attribute `individuals`: an update that leaves as many has lost nothing.
 
-In one and two dimensions `VAT` cuts the space that descriptors span into cells of one size. In more, nearly all of the volume of
-a ball is far from what was found, and as many cells of it leave few individuals; there `Size` asks for a number of them.
+In one and two dimensions `VAT` cuts the space that descriptors span into cells of one size. In more, nearly all of the volume
+of a ball is far from what was found, and as many cells of it leave few individuals; there `Size` asks for a number of them.
 """
 
 import warnings
@@ -77,11 +77,12 @@ class Fixed:
 class Size:
     """l by which about so many individuals are stored in the end, from the distances between those stored now.
 
-    Of the descriptors, always the one farthest from all before is taken [1]; the j-th is at a distance r_j from the others, so j
-    of them keep r_j apart. Where descriptors are few, r_j falls as j^(-1/D), D the dimensions that they really fill. The l that is
-    wanted is r_j at j = individuals, found there or, where fewer than four times as many are stored, by the same law from
-    r_j at a quarter of them: what the rest will fill in is not there yet. While the robot still finds
-    new regions more are stored, until the next update.
+    Of the descriptors, always the one farthest from all before is taken [1]; the j-th is at a distance r_j from the others, so
+    j of them keep r_j apart. Where descriptors are few, r_j falls as j^(-1/D), D the dimensions that they really fill. The l
+    that is wanted is r_j at j = individuals, found there or, where fewer than four times as many are stored, by this law from
+    r_j at a quarter of them: what will fill the gaps is not there yet. Between updates more are stored, as the robot finds new
+    regions: on the tasks of the paper 1.2 to 1.5 times as many after 1,000 generations, and before the first update up to 4.5
+    times.
 
     [1] T. Gonzalez, Clustering to minimize the maximum intercluster distance, Theoretical Computer Science 38, 1985.
 
@@ -133,14 +134,14 @@ class Automatic:
 
 def without_far(descriptors: np.ndarray) -> np.ndarray:
     """Descriptors, (n, d), without those far outside, one in a hundred at most; with a warning that says how many there are."""
-    with np.errstate(over="ignore"):
-        far = beyond(np.linalg.norm(descriptors - np.median(descriptors, axis=0), axis=1), _FAR)
+    near = descriptors / (np.abs(descriptors).max() or 1.0)  # squares neither overflow nor vanish
+    far = beyond(np.linalg.norm(near - np.median(near, axis=0), axis=1), _FAR)
     if not far.any():
         return descriptors
-    largest = np.abs(descriptors[far]).max()
+    largest, count = np.abs(descriptors[far]).max(), np.count_nonzero(far)
     warnings.warn(
-        f"{np.count_nonzero(far)} of {len(far):,} descriptors lie far outside the others, up to {largest:.3g}, and do not count for "
-        "the distance threshold l",
+        f"{count} of {len(far):,} descriptors {'lies' if count == 1 else 'lie'} far outside the others, up to {largest:.3g}, "
+        "not counted for the distance threshold l",
         stacklevel=2,
     )
     return descriptors[~far]

@@ -19,13 +19,14 @@ def far_outside(observation: np.ndarray) -> np.ndarray:
     Far is ten times as far from the middle, the median over the observations of the middle of their own range, as 99 of 100
     observations get, in one channel. Where 99 of 100 do not leave the middle at all, nothing is far.
     """
+    if len(observation) < _FEWEST or observation.dtype.itemsize == 1:  # pixels have no room for it
+        return np.zeros(len(observation), bool)
     rows = _by_channel(observation)
-    if len(rows) < _FEWEST or (rows.dtype.kind in "biu" and rows.dtype.itemsize == 1):  # pixels have no room for it
-        return np.zeros(len(rows), bool)
     low, high = rows.min(axis=1).astype(np.float64), rows.max(axis=1).astype(np.float64)
-    middle = np.median(low / 2 + high / 2, axis=0)
+    middle = 2 * np.median(low / 4 + high / 4, axis=0)
     with np.errstate(over="ignore"):  # at the ends of float64: infinitely far is far
-        return beyond(np.maximum(high - middle, middle - low), _FAR).any(axis=1)
+        far = beyond(np.maximum(high - middle, middle - low), _FAR)
+    return np.asarray(far.any(axis=1))
 
 
 def beyond(distance: np.ndarray, times: float) -> np.ndarray:

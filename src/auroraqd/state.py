@@ -19,14 +19,17 @@ from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, Tessellation
 from auroraqd.descriptor import Descriptor
 from auroraqd.history import History, Record
+from auroraqd.population import COLUMNS
 from auroraqd.update import Attempts
 
 _STRATEGIES = {"selection": selection, "variation": variation, "resolution": resolution, "schedule": schedule}
-_COLUMNS = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id", "ground_truth", "reconstruction_error")
 _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits", "_update_due", "_counts")
 _SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0}  # plain too, and not in files of version 0.2.0
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
 _OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds", "_attempts")
+
+FIELDS = {*_PLAIN, *_SINCE, *_OTHERS}
+"""All attributes of `Aurora` that are kept, or derived again. What users add to theirs is not kept."""
 
 
 class State(NamedTuple):
@@ -43,7 +46,6 @@ class State(NamedTuple):
 
 def state_of(aurora: Aurora) -> State:
     """The state of a run at any moment, also between `ask` and `tell`."""
-    assert set(vars(aurora)) == {*_PLAIN, *_SINCE, *_OTHERS}, "a field of Aurora would not be kept"
     archive, records = aurora.archive, aurora.history.records
     values = {
         **{name: getattr(aurora, name) for name in (*_PLAIN, *_SINCE)},
@@ -55,7 +57,7 @@ def state_of(aurora: Aurora) -> State:
         "shape": list(aurora.descriptor.shape),
         "rearranged": None if aurora._pending is None else aurora._pending.rearranged,
     }
-    columns = {name: getattr(archive, name) for name in _COLUMNS}
+    columns = {name: getattr(archive, name) for name in COLUMNS}
     arrays = {
         **{name: column for name, column in columns.items() if column is not None},
         **{f"archive.{name}": array for name, array in archive.constants.items()},
@@ -92,18 +94,20 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     for name, module in _STRATEGIES.items():
         setattr(aurora, name, parts[name] if name in parts else _strategy(name, values["settings"][name], module))
     archive = _archive(values["settings"]["archive"], _named("archive", arrays), parts.get("archive"))
-    archive.restore({name: arrays[name] for name in _COLUMNS if name in arrays}, values["archive"])
+    archive.restore({name: arrays[name] for name in COLUMNS if name in arrays}, values["archive"])
     records = [_record(row, seconds) for row in arrays["history"]]
     rng = np.random.default_rng()
     rng.bit_generator.state = values["random"]
     pending, waiting = _named("pending", arrays), _named("waiting", arrays)
-    if aurora.resolution is not None and not hasattr(archive, "l"):
+    if aurora.resolution is not None and not isinstance(archive, UnstructuredArchive):
         raise ValueError(f"resolution is for an archive with a distance threshold l, and {type(archive).__name__} has none")
     _check_described(archive, descriptor)
     aurora.archive, aurora._descriptor, aurora._rng = archive, descriptor, rng
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
-    aurora._waiting = Batch(**{"ground_truth": None, **waiting}) if waiting else None
+    if waiting:  # an earlier version did not keep when they were born
+        waiting = {"ground_truth": None, "born": np.full(len(waiting["genotype"]), -1), **waiting}
+    aurora._waiting = Batch(**waiting) if waiting else None
     aurora._pending = Pending(**pending, rearranged=values["rearranged"], since=time.perf_counter()) if pending else None
     return aurora
 

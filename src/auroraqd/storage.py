@@ -19,6 +19,7 @@ import reprlib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -33,8 +34,9 @@ from auroraqd._saved import check_arrays, check_values
 from auroraqd.archive import check_columns
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
-from auroraqd.history import Record
-from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
+from auroraqd.history import History, Record
+from auroraqd.population import COLUMNS
+from auroraqd.repertoire import Repertoire
 from auroraqd.scaling import Scaling
 from auroraqd.state import State, restored, settings_of, state_of
 
@@ -130,12 +132,34 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
     """
     trusted = _checked_trust(trusted)
 
-    def repertoire(arrays: Mapping[str, np.ndarray], kind: str) -> Repertoire:
-        columns = {name: arrays[name] for name in (*REQUIRED, *OPTIONAL) if name in arrays}
+    def repertoire(arrays: dict[str, np.ndarray], kind: str) -> Repertoire:
+        columns = {name: arrays.pop(name) for name in COLUMNS if name in arrays}
         check_columns(columns)
-        return Repertoire(columns, lambda: _descriptor(kind, arrays, _values(arrays), trusted))
+        return Repertoire(columns, _Origin(as_path("folder", folder).absolute(), kind, arrays, trusted))
 
     return _read(folder, repertoire)
+
+
+@dataclass(frozen=True)
+class _Origin:
+    """The run of a repertoire: its folder, and what its checkpoint holds beside the columns."""
+
+    folder: Path
+    kind: str
+    arrays: Mapping[str, np.ndarray]
+    trusted: Sequence[str]
+
+    def descriptor(self) -> Descriptor:
+        return _descriptor(self.kind, self.arrays, _values(self.arrays), self.trusted)
+
+    def seed(self) -> int:
+        return _values(self.arrays)["seed"]
+
+    def config(self) -> dict[str, Any]:
+        return load_config(self.folder)
+
+    def history(self) -> History:
+        return History.restored(load_history(self.folder), gap=1)
 
 
 def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_environment: bool = False, **parts: Any) -> Aurora:

@@ -1,9 +1,9 @@
 """Updates: the descriptor is refitted, l redefined, and all that is stored described anew (paper, Sec. "AURORA").
 
-An update changes what every individual is known by, so one bad fit could end a run or empty its archive. It is looked at before
-it is taken: a descriptor that cannot be fitted, that does not describe all that is stored, that maps it to one point, or by which
-most of it would be lost, is refused. Then the one before stays, and it is tried again: in the next generation, and, should that
-fail too, ever later. Of a first fit there is none before: individuals wait until it succeeds.
+An update changes what every individual is known by, so one bad fit could end a run or empty its archive. It is looked at
+before it is taken: a descriptor that cannot be fitted, that does not describe all that is stored, that maps it to one point, or
+by which most of it would be lost, is refused. Then the one before stays, and it is tried again: in the next generation, and,
+should that fail too, ever later. Before a first fit there is none: individuals wait until it succeeds.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ class Update(NamedTuple):
 
 
 class Sources(NamedTuple):
-    """What descriptors read, a row an individual, and how to call the rows in messages."""
+    """What descriptors read, a row an individual, and the number of its evaluation, for messages."""
 
     genotype: np.ndarray
     observation: np.ndarray
     ground_truth: np.ndarray | None
-    called: Callable[[np.ndarray], str]
+    born: np.ndarray
 
 
 def updated(
@@ -108,13 +108,17 @@ def _fitted_on(sources: Sources, robust: bool) -> np.ndarray:
     far = far_outside(x) if robust else np.zeros(len(x), bool)
     if not far.any():
         return x
-    largest = np.abs(x[far].astype(np.float64)).max()
+    largest, count = np.abs(x[far].astype(np.float64)).max(), np.count_nonzero(far)
     warnings.warn(
-        f"{np.count_nonzero(far)} of {len(x):,} observations lie far outside the others, with entries up to {largest:.3g}, and are "
-        f"set aside when the descriptor is fitted: {sources.called(np.flatnonzero(far))}. They stay stored",
+        f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
+        f"{largest:.3g}, set aside for the fit: evaluation {_listed(sources.born[far])}. What is stored stays",
         stacklevel=6,
     )
     return x[~far]
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return f"{', '.join(map(str, numbers[:5]))}{', ...' * (len(numbers) > 5)}"
 
 
 def _check_spread(values: np.ndarray, before: np.ndarray | None, *, said: str, first_fit: bool) -> None:

@@ -50,7 +50,7 @@ def write_figures(folder: str | Path) -> list[Path]:
 
 
 def _drawn(name: str, draw: Callable[[], Figure], target: Path) -> list[Path]:
-    """The files of a figure; none, and a warning, if what was found cannot be drawn: numbers may be too large for Matplotlib."""
+    """The files of a figure; none, and a warning, if it cannot be drawn: numbers may be too large for Matplotlib."""
     try:
         with np.errstate(over="raise", invalid="raise"):
             return save_figure(draw(), target, name)
