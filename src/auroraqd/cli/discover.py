@@ -261,9 +261,9 @@ def _grow(
             with busy("compiling kernels, which takes some 10 s the first time", log=True):
                 compile_kernels(settings)
             progress = RunProgress(console, settings.generations, aurora.evaluations)
-            with progress, training_told(aurora.descriptor.transformer, progress):
-                with nullcontext(task) if factory is None else over(factory, task) as spread:
-                    aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
+            workers = nullcontext(task) if factory is None else over(factory, task)
+            with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
+                aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     os.chdir(here)  # a task may have changed it
