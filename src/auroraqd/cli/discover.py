@@ -4,7 +4,7 @@ import copy
 import os
 import signal
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -220,6 +220,7 @@ def _grow(
     overwrite: bool = False,
 ) -> None:
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
+    from auroraqd._compiled import compiling
     from auroraqd.checkpoints import LOCK, Checkpoints
     from auroraqd.evaluate import over
     from auroraqd.progress import RunProgress
@@ -240,7 +241,8 @@ def _grow(
     )
     with checkpoints:
         try:
-            with busy("compiling kernels, which takes some 10 s the first time", log=True):
+            slow = "compiling kernels, which takes some 10 s the first time"
+            with ExitStack() as said, compiling(lambda: said.enter_context(busy(slow, log=True))):
                 compile_kernels(settings)
             progress = RunProgress(console, settings.generations, aurora.evaluations)
             with progress, _training_told(settings, progress):
