@@ -10,7 +10,6 @@ fitness NaN. A worker that fails what others do is set aside.
 
 import logging
 import math
-import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -18,6 +17,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+import cloudpickle
 import numpy as np
 
 from auroraqd._checks import number, numeric, seeds_for, whole
@@ -55,8 +55,8 @@ def over(
     Args:
         executor: makes a `concurrent.futures` executor, when it is called: `processes(8)`, `dask(client)`, or for instance
             `lambda: mpi4py.futures.MPIPoolExecutor()`. Called again when the one before is broken.
-        task: from genotypes (n, n_genes) to fitness, observation and, if known, ground truth; one that can be pickled, which
-            is one that its module defines at the top.
+        task: from genotypes (n, n_genes) to fitness, observation and, if known, ground truth. What its module defines at the
+            top the workers import; a lambda, a closure or a function of a notebook is sent itself, with what it refers to.
         chunk: individuals that are sent at once. None: ever fewer towards the end of a batch, at most 0.2 s of work.
         timeout: seconds that an individual may take. None: no limit. A worker that takes longer is ended, where the executor
             is `processes` or `dask`; of others it is left behind with a new executor.
@@ -73,9 +73,9 @@ def over(
     if not callable(task):
         raise TypeError(f"task must be callable, got {task!r}")
     try:
-        content = pickle.dumps(task)
+        content = cloudpickle.dumps(task)
     except Exception as error:
-        raise ValueError(f"task {name_of(task)} cannot be sent to workers: {error}. Define it at the top of a module") from None
+        raise ValueError(f"task {name_of(task)} cannot be sent to workers, nor what it refers to: {error}") from None
     return Spread(
         executor,
         task,

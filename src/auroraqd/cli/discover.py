@@ -18,19 +18,19 @@ from auroraqd.cli._shared import (
     JobsOption,
     OverwriteOption,
     SchedulerOption,
+    TimeoutOption,
     UserError,
     busy,
     console,
     errors,
-    executor_factory,
+    spreading,
     warnings_said,
 )
 from auroraqd.cli.show import report
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from auroraqd.aurora import Aurora
+    from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
     from auroraqd.progress import RunProgress
 
@@ -88,6 +88,7 @@ def run(
     l: Annotated[float, typer.Option("--l", help="Distance threshold until the resolution sets it.")] = 0.0,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
@@ -117,7 +118,7 @@ def run(
         capacity=capacity,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
-    _run(settings, out, overwrite, figures, checkpoint_every, executor_factory(jobs, scheduler))
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
 
 
 def repeat(
@@ -126,12 +127,13 @@ def repeat(
     overwrite: OverwriteOption = False,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start."""
     settings = _settings_in(folder)
-    _run(settings, out, overwrite, figures, checkpoint_every, executor_factory(jobs, scheduler))
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
 
 
 def resume(
@@ -144,6 +146,7 @@ def resume(
     ] = False,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
@@ -174,7 +177,7 @@ def resume(
             f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
             "--generations with a larger number goes on"
         )
-    _grow(task, aurora, settings, folder, figures, checkpoint_every, executor_factory(jobs, scheduler))
+    _grow(task, aurora, settings, folder, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
 
 
 def _settings_in(folder: Path) -> "Settings":
@@ -200,12 +203,12 @@ def _run(
     overwrite: bool,
     figures: bool,
     every: float = 10.0,
-    factory: "Callable[[], Executor] | None" = None,
+    spread_over: "Callable[[Any], Spread] | None" = None,
 ) -> None:
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, every, factory, overwrite=overwrite)
+    _grow(task, aurora, settings, out, figures, every, spread_over, overwrite=overwrite)
 
 
 def _grow(
@@ -215,14 +218,13 @@ def _grow(
     out: Path,
     figures: bool,
     every: float,
-    factory: "Callable[[], Executor] | None",
+    spread_over: "Callable[[Any], Spread] | None",
     *,
     overwrite: bool = False,
 ) -> None:
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
     from auroraqd._compiled import compiling
     from auroraqd.checkpoints import LOCK, Checkpoints
-    from auroraqd.evaluate import over
     from auroraqd.progress import RunProgress
 
     failure: BaseException | None = None
@@ -251,7 +253,7 @@ def _grow(
                     progress(aurora)
                     checkpoints()
 
-                with nullcontext(task) if factory is None else over(factory, task) as spread:
+                with nullcontext(task) if spread_over is None else spread_over(task) as spread:
                     aurora.run(spread, generations=settings.generations - aurora.generation, callback=after_each)
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
