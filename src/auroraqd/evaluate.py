@@ -21,10 +21,10 @@ import cloudpickle
 import numpy as np
 
 from auroraqd._checks import number, numeric, seeds_for, whole
-from auroraqd._trust import Trust, Worker, this_worker
+from auroraqd._trust import Trust, Worker
 from auroraqd._workers import cores
-from auroraqd.executors import START, Refused, dask, load, processes
-from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
+from auroraqd.executors import START, Answer, dask, processes, work_on
+from auroraqd.tasks import Evaluation, name_of
 
 __all__ = ["Spread", "dask", "over", "processes"]
 
@@ -105,16 +105,6 @@ class _Piece(NamedTuple):
         middle = (self.start + self.stop) // 2
         fresh = self._replace(failed_on=frozenset())
         return [fresh._replace(stop=middle), fresh._replace(start=middle)]
-
-
-class _Answer(NamedTuple):
-    """What a worker has done with a piece: one of the three."""
-
-    worker: Worker
-    evaluation: Evaluation | None = None
-    error: str | None = None
-    refused: Refused | None = None  # neither: it left the piece to others
-    seconds: float = 0.0
 
 
 class Spread:
@@ -295,7 +285,7 @@ class _Batch:
         elsewhere = spread._trust.elsewhere(piece.failed_on)
         pause = min(max(spread._seconds or 0.0, _PAUSE[0]), _PAUSE[1])
         submit = getattr(executor, "submit_elsewhere", lambda _, *arguments: executor.submit(*arguments))
-        return submit(elsewhere, _evaluate, spread._content, spread.__name__, work, elsewhere, pause)
+        return submit(elsewhere, work_on, spread._content, spread.__name__, work, elsewhere, pause)
 
     def _following(self, workers: int) -> _Piece | None:
         self._alone = bool(self._suspects)
@@ -318,7 +308,7 @@ class _Batch:
         """Take a result; False when the executor is broken, and what was under way with it."""
         spread = self._spread
         try:
-            answer: _Answer = future.result()
+            answer: Answer = future.result()
         except BrokenExecutor as error:
             self._broke(error)
             return False
@@ -441,30 +431,3 @@ class _Batch:
         for piece, rows in parts:
             column[piece.start : piece.stop] = rows
         return column
-
-
-def _evaluate(
-    content: bytes, name: str, work: tuple[np.ndarray, np.ndarray | None], elsewhere: frozenset, pause: float
-) -> _Answer:
-    """In a worker: evaluate genotypes, with their seeds, and time it. No exception leaves it: not all can be sent."""
-    worker = this_worker()
-    if worker.among(elsewhere):
-        time.sleep(pause)  # so that others are there first when it is sent again
-        return _Answer(worker)
-    task = load(content, name)
-    if isinstance(task, Refused):
-        return _Answer(worker, refused=task)
-    since = time.perf_counter()
-    try:
-        result = called(task, *work)
-    except SystemExit as error:  # or the worker would end
-        return _Answer(worker, error=f"it called sys.exit({error})")
-    except Exception as error:
-        return _Answer(worker, error=f"{type(error).__name__}: {error}")
-    seconds = time.perf_counter() - since
-    try:
-        evaluation = as_evaluation(result, len(work[0]))
-    except ValueError as error:
-        return _Answer(worker, refused=Refused(ValueError, str(error)))
-    columns: Any = (None if column is None else np.array(column) for column in evaluation)  # the task may use its own again
-    return _Answer(worker, Evaluation(*columns), seconds=seconds)
