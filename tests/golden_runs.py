@@ -66,9 +66,9 @@ def cells():
 
 def autoencoder():
     """An auto-encoder on the arm and its puck, small; saved between ask and tell, with individuals of all kinds."""
-    encoder = auroraqd.AutoEncoder(2, hidden=(16, 8), max_epochs=2, min_steps=20, repeats=2)
+    encoder = auroraqd.AutoEncoder(2, hidden=(16, 8), max_epochs=2, min_steps=40, repeats=2)
     options = {"batch_size": 20, "schedule": auroraqd.Doubling(5), "resolution": auroraqd.VAT()}
-    aurora = auroraqd.Aurora(8, encoder, seed=4, **options).run(auroraqd.tasks.AirHockey(), generations=40)
+    aurora = auroraqd.Aurora(8, encoder, seed=6, **options).run(auroraqd.tasks.AirHockey(), generations=40)
     aurora.ask()
     return aurora
 

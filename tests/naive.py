@@ -134,6 +134,33 @@ def largest_distance(points):
     return max(distance(a, b) for a in points for b in points)
 
 
+def separations(points, n):
+    """Distances at which points are taken, always the one farthest from all before, beginning far from the mean."""
+    mean = [sum(column) / len(points) for column in zip(*points, strict=True)]
+    chosen = [max(range(len(points)), key=lambda i: squared_distance(points[i], mean))]
+    apart = []
+    while len(chosen) < min(n, len(points)):
+        nearest = [min(squared_distance(point, points[j]) for j in chosen) for point in points]
+        chosen.append(max(range(len(points)), key=lambda i: nearest[i]))
+        apart.append(max(nearest) ** 0.5)
+    return apart
+
+
+def far_outside(observations):
+    """Which of (n, entries, channels) lie far outside the others, by sorting."""
+    n, channels = len(observations), range(len(observations[0][0]))
+    far = [False] * n
+    for c in channels:
+        ends = [(min(row[c] for row in rows), max(row[c] for row in rows)) for rows in observations]
+        middles = sorted((low + high) / 2 for low, high in ends)
+        middle = (middles[(n - 1) // 2] + middles[n // 2]) / 2
+        distances = [max(high - middle, middle - low) for low, high in ends]
+        typical = sorted(distances)[int(0.99 * (n - 1))]
+        for i, distance in enumerate(distances):
+            far[i] = far[i] or (n >= 20 and typical > 0 and distance > 10 * typical)
+    return far
+
+
 def klc(reference, compared, bins=30):
     """D_KL(reference || compared), joint histogram over the box of the reference."""
     lows = [min(p[j] for p in reference) for j in range(len(reference[0]))]

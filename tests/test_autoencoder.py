@@ -121,6 +121,7 @@ def test_isometry_keeps_distances():
     assert distortion(20.0) < 0.5 * distortion(0.0)
 
 
+@pytest.mark.filterwarnings("ignore:the latent space of AutoEncoder has collapsed")  # of noise there is little to learn
 @pytest.mark.parametrize("shape", [(3,), (50, 2), (8, 8, 3), (5, 2, 2, 2)])
 def test_any_shape(shape):
     x = np.random.default_rng(0).integers(0, 255, (30, *shape)).astype(np.uint8)
@@ -168,9 +169,9 @@ def test_warm_start_goes_on():
     x = throws(300)
     warm, cold = (auroraqd.AutoEncoder(warm_start=w, random_state=0, **SHORT).fit(x) for w in (True, False))
     assert_array_equal(warm.transform(x), cold.transform(x))
-    first = warm.validation_rmse_
-    assert warm.fit(x).validation_rmse_ < first
-    assert_allclose(cold.fit(x).validation_rmse_, first)
+    first = warm.training_rmse_
+    assert warm.fit(x).training_rmse_ < first
+    assert_allclose(cold.fit(x).training_rmse_, first)
     warm.fit(throws(300)[:, :20])  # another shape: from the start
     assert warm.n_fits_ == 1
 
@@ -294,6 +295,30 @@ def test_is_an_estimator():
     assert_array_equal(copy.deepcopy(fitted).transform(throws(9)), fitted.transform(throws(9)))
 
 
+def test_an_error_is_of_rows_held_back_or_called_another():
+    """With 500 rows or fewer nothing is held back, and nobody knows the error on others."""
+    x = throws(400)
+    few, many = (auroraqd.AutoEncoder(random_state=0, split_above=above, **SHORT).fit(x) for above in (500, 100))
+    assert np.isnan(few.validation_rmse_)
+    assert 0 < many.validation_rmse_ < 2
+    for encoder in (few, many):
+        wrong = encoder.inverse_transform(encoder.transform(x)) - x
+        assert_allclose(encoder.training_rmse_, np.sqrt(((2 * wrong / np.ptp(x, axis=(0, 1))) ** 2).mean()), rtol=1e-4)
+
+
+def images_of_a_disc(n, size=24):
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[:size, :size] / size
+    centre = rng.random((n, 2, 1, 1))
+    return (255 * (np.hypot(x - centre[:, 0], y - centre[:, 1]) < 0.08)).astype(np.uint8)[..., None]
+
+
+def test_a_latent_space_that_has_collapsed_is_said():
+    x = images_of_a_disc(60)
+    with pytest.warns(UserWarning, match="the latent space of AutoEncoder has collapsed: .* hardly better than their mean"):
+        auroraqd.AutoEncoder(random_state=0, hidden=(8,), learning_rate=1e-6, **SHORT).fit(x)
+
+
 def test_the_papers_protocol_trains():
     x = throws(400)
     encoder = auroraqd.AutoEncoder.paper(max_epochs=60, repeats=2, random_state=0, split_above=0).fit(x)
@@ -308,7 +333,10 @@ def test_progress_is_reported(capsys):
     assert seen[-1][:4] == (2, 2, 6, 6)
     assert 0 < seen[-1].error < 2
     auroraqd.AutoEncoder(random_state=0, verbose=True, **SHORT).fit(throws(100))
-    assert "repeat 2/2, epoch 6/6, validation RMSE 0." in capsys.readouterr().out
+    auroraqd.AutoEncoder(random_state=0, verbose=True, split_above=50, **SHORT).fit(throws(100))
+    told = capsys.readouterr().out
+    assert "repeat 2/2, epoch 6/6, training RMSE 0." in told
+    assert "repeat 2/2, epoch 6/6, validation RMSE 0." in told
     assert len(seen) < 100  # not after each epoch
 
 
@@ -351,6 +379,8 @@ def test_runs_with_aurora_and_comes_back_from_disk(tmp_path):
 
 def test_images_given_to_the_network_for_trajectories():
     aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(network="convolutional"), seed=0)
-    with pytest.raises(auroraqd.DescriptorError, match=r"network 'convolutional' is for time series.*\(n, steps, channels\)"):
-        aurora.run(lambda g: (g[:, 0], np.zeros((len(g), 8, 8, 3))), generations=1)
+    ended = pytest.raises(auroraqd.DescriptorError, match=r"network 'convolutional' is for time series.*\(n, steps, channels\)")
+    with ended, pytest.warns(UserWarning, match="individuals wait for the next batch"):
+        aurora.run(lambda g: (g[:, 0], np.repeat(g[:, :1], 192, axis=1).reshape(-1, 8, 8, 3)), generations=20)
+    assert aurora.generation == 10
     assert aurora.pending is not None

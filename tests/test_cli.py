@@ -154,7 +154,7 @@ def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):
 
 def test_run_with_an_autoencoder(tmp_path):
     """Its training is shown, its weights come back, and the run can be repeated."""
-    options = ["--descriptor", "autoencoder:hidden=16x8,repeats=2,max_epochs=3,min_steps=0", "-n", 3, "--batch-size", 60]
+    options = ["--descriptor", "autoencoder:hidden=16x8,repeats=2,max_epochs=3,min_steps=200", "-n", 3, "--batch-size", 60]
     done = command("run", "ballistic", *options, "--out", tmp_path / "first")
     assert "RMSE" in done.stdout
     command("repeat", tmp_path / "first", "--out", tmp_path / "again", "--no-figures")
@@ -163,6 +163,26 @@ def test_run_with_an_autoencoder(tmp_path):
     repertoire = auroraqd.load(tmp_path / "first")
     np.testing.assert_allclose(repertoire.describe(repertoire.observation), repertoire.descriptor, atol=1e-12)
     assert repertoire.reconstruct(repertoire.descriptor).shape == repertoire.observation.shape
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--components", "500"], "PCA could not be fitted on observations of shape"),
+        (["--descriptor", "autoencoder", "--components", "101"], "n_components must be at most 100"),
+    ],
+)
+def test_a_descriptor_that_can_never_be_fitted_ends_the_run_with_a_sentence(tmp_path, options, message):
+    """After ten more batches, each of which is said."""
+    warned = [sys.executable, *COMMAND[3:]]  # warnings are said
+    arguments = [*warned, "run", "ballistic", "-n", "50", "--batch-size", "20", *options]
+    done = subprocess.run(arguments, capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False)
+    assert done.returncode == 1
+    said = " ".join(done.stderr.split())
+    assert "Traceback" not in said
+    assert said.count("Warning: no update of the descriptor at generation") == 10
+    assert "it was tried 10 times before" in said[said.index("Error: ") :]
+    assert message in said[said.index("Error: ") :]
 
 
 def test_run_air_hockey(tmp_path):
@@ -241,7 +261,6 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
             ["run", "ballistic", "--descriptor", "autoencoder:isometry=-1"],
             "isometry must be a finite number, 0 or more, got -1",
         ),
-        (["run", "ballistic", "--descriptor", "autoencoder", "--components", "101"], "n_components must be at most 100"),
         (["run", "ballistic", "--descriptor", "genotype", "--pretrained"], "pretrained is for descriptors that are learned"),
         (["run", "air-hockey", "--pretrained"], "pretrained is for tasks with a prior data set, and air-hockey has none"),
         (["run", "ballistic", "--archive", "cvt-prior"], "archive 'cvt-prior' needs descriptor 'observation' and pretrained"),
@@ -255,7 +274,6 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
         (["run", "ballistic", "--generations", "many"], "integer"),
         (["run", "ballistic", *PLAIN, "--epsilon", "2"], "epsilon must be a finite number, 0 or more and below 1"),
         (["run", "ballistic", *PLAIN, "--seed", "-1"], "seed must be a whole number, 0 or more"),
-        (["run", "ballistic", "--components", "500"], "PCA could not be fitted on observations of shape"),
         (["run", "ballistic", *PLAIN, "--k", "999999999999"], "k must be a whole number, from 1 to 1000000"),
         (["run", "ballistic", *PLAIN, "--batch-size", "99999999999999"], "not enough memory"),
         (["run", "ballistic", *PLAIN, "--capacity", "99999999999999999999"], "capacity must be a whole number"),

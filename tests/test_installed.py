@@ -154,3 +154,9 @@ def test_it_is_said_once(temporary):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         _caches.say_where_kernels_are()
+
+
+def test_all_kernels_find_a_place():
+    """Numba's own `njit(cache=True)` raises where there is none."""
+    for path in Path(auroraqd.__file__).parent.rglob("*.py"):
+        assert path.name == "_compiled.py" or "cache=True" not in path.read_text().replace("cache: bool = True", ""), path

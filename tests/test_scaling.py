@@ -1,10 +1,12 @@
+import naive
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
-from auroraqd.scaling import Scaling
+from auroraqd.scaling import Scaling, far_outside
 
 observations = arrays(float, st.tuples(st.integers(1, 6), st.integers(1, 4), st.integers(1, 3)), elements=st.floats(-1e6, 1e6))
 
@@ -26,3 +28,39 @@ def test_each_channel_fills_its_range_and_comes_back(observation):
 def test_no_rows():
     scaler = Scaling.of(np.ones((2, 3, 2))).scaler(6)
     assert scaler(np.empty((0, 3, 2))).shape == (0, 6)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 150), st.integers(0, 3), st.floats(0.1, 1e9))
+def test_what_is_far_outside_agrees_with_its_twin(seed, n, outliers, size):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(n, 4, 2)) * rng.choice([0, 1], size=(n, 1, 1), p=[0.3, 0.7])
+    x[rng.integers(n, size=outliers), 2, 1] += size
+    assert_array_equal(far_outside(x), naive.far_outside(x.tolist()))
+
+
+def test_one_outlier_is_found_and_no_more():
+    x = np.random.default_rng(0).random((12_000, 6, 2))
+    assert not far_outside(x).any()
+    x[77, 3, 1] = 1e6
+    assert_array_equal(np.flatnonzero(far_outside(x)), [77])
+    assert not far_outside(x[:, :, :1]).any()
+
+
+@pytest.mark.parametrize("moved", [1, 3, 20])
+def test_a_robot_that_mostly_stays_where_it_is_has_no_outliers(moved):
+    x = np.zeros((200, 10, 2))
+    x[:moved] = np.random.default_rng(0).normal(size=(moved, 10, 2))
+    assert not far_outside(x).any()
+
+
+@pytest.mark.parametrize("x", [np.zeros((0, 3)), np.zeros((5, 2)), np.full((30, 2), 1.7e308), np.zeros((30, 3), bool)])
+def test_of_few_or_equal_observations_none_is_far_outside(x):
+    assert not far_outside(x).any()
+
+
+def test_the_ends_of_float64():
+    x = np.random.default_rng(0).random((100, 3))
+    x[[4, 9], 1] = 1.7e308, -1.7e308
+    assert_array_equal(np.flatnonzero(far_outside(x)), [])  # two of a hundred are no exception
+    x[9, 1] = 0
+    assert_array_equal(np.flatnonzero(far_outside(x)), [4])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 import auroraqd
-from auroraqd.resolution import largest_distance
+from auroraqd.resolution import Automatic, largest_distance, separations
 from auroraqd.selection import _roulette
 from auroraqd.variation import _fill, _step
 
@@ -171,6 +171,58 @@ def test_largest_distance_of_many():
     assert largest_distance(np.ones((500, 2))) == 0
 
 
+@pytest.mark.filterwarnings("ignore:.*far outside the others")
+def test_no_single_descriptor_decides_l():
+    x = np.random.default_rng(0).random((1000, 2))
+    exact = auroraqd.VAT(robust=False)
+    assert auroraqd.VAT()(x) == exact(x)
+    outlying = np.vstack([x, [[1e6, -1e6]]])
+    assert auroraqd.VAT()(outlying) == exact(x)
+    assert auroraqd.Size(200)(outlying) == pytest.approx(auroraqd.Size(200)(x), rel=0.02)
+    assert exact(outlying) > 1e5 * exact(x)
+
+
+def test_what_does_not_count_for_l_is_said():
+    x = np.vstack([np.random.default_rng(0).random((99, 2)), [[50, 0]]])
+    with pytest.warns(UserWarning, match="1 of 100 descriptors lies far outside the others, up to 50, not counted"):
+        auroraqd.VAT()(x)
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 10), st.integers(1, 40), st.integers(1, 40), st.booleans())
+def test_separations_agree_with_their_twin(seed, d, m, n, degenerate):
+    points = np.random.default_rng(seed).normal(size=(m, d))
+    if degenerate:  # ties and duplicates
+        points = np.round(points)
+    assert_allclose(separations(points, n), naive.separations(points.tolist(), n), rtol=1e-12)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 5, 10])
+@pytest.mark.parametrize("wanted", [50, 500])
+def test_size_is_about_how_many_are_stored(d, wanted):
+    """Of many more than are wanted, added in random order."""
+    x = np.random.default_rng(d).random((8000, d))
+    archive = auroraqd.UnstructuredArchive(l=auroraqd.Size(wanted)(x))
+    archive.add(np.zeros((8000, 1)), np.zeros(8000), np.zeros((8000, 1)), x)
+    assert 0.75 * wanted < len(archive) < 1.5 * wanted
+
+
+def test_size_of_few_or_equal_descriptors():
+    size = auroraqd.Size(100)
+    assert size(np.zeros((1, 3))) == size(np.zeros((500, 3))) == 0
+    assert size(np.array([[0.0, 0], [1, 1]])) > 0
+    assert size(np.random.default_rng(0).random((7, 2))) > 0
+    line = np.random.default_rng(0).random((400, 1)) * np.ones(8)  # one dimension in eight
+    assert auroraqd.Size(4000)(line) == pytest.approx(auroraqd.Size(4000)(line[:, :1]) * np.sqrt(8))
+
+
+def test_cells_in_two_dimensions_and_a_size_in_more():
+    x = np.random.default_rng(0).random((300, 3))
+    assert Automatic()(x[:, :2]) == auroraqd.VAT()(x[:, :2])
+    assert Automatic(individuals=70)(x) == auroraqd.Size(70)(x) != auroraqd.VAT()(x)
+    assert Automatic(cells=100)(x[:, :1]) == auroraqd.VAT(100)(x[:, :1])
+
+
 def test_fixed():
     assert auroraqd.Fixed(0.3)(np.random.default_rng(0).random((5, 2))) == 0.3
 
@@ -190,6 +242,9 @@ def test_schedules():
         (lambda: auroraqd.Gaussian(sigma=0), "sigma must"),
         (lambda: auroraqd.IsoLine(0, 0), "iso_sigma"),
         (lambda: auroraqd.VAT(cells=0), "cells must"),
+        (lambda: auroraqd.VAT(robust=1), "robust must be True or False"),
+        (lambda: auroraqd.Size(0), "individuals must be a whole number, 1 or more"),
+        (lambda: Automatic(individuals=2.5), "individuals must"),
         (lambda: auroraqd.Fixed(l=-1), "l must"),
         (lambda: auroraqd.Doubling(first=0), "first must"),
         (lambda: auroraqd.Every(1.5), "generations must"),

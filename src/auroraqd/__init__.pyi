@@ -8,7 +8,7 @@ from .checkpoints import Checkpoints
 from .cvt import CVTArchive, tessellate
 from .descriptor import DescriptorError
 from .repertoire import Repertoire
-from .resolution import VAT, Fixed
+from .resolution import VAT, Fixed, Size
 from .schedule import Doubling, Every, Never
 from .selection import Curiosity, Uniform
 from .storage import load, resume, save
@@ -37,6 +37,7 @@ __all__ = [
     "Never",
     "Polynomial",
     "Repertoire",
+    "Size",
     "TaskError",
     "Uniform",
     "UnstructuredArchive",

@@ -96,7 +96,8 @@ def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list
     try:
         with path.open(newline="") as file:
             header, *rows = csv.reader(file)
-        if not set(fields) <= set(header) or len(set(header)) < len(header) or (rest is None and len(header) > len(fields)):
+        wanted = set(fields) - set(getattr(kind, "_field_defaults"))  # noqa: B009 - of a `NamedTuple`; earlier versions had fewer
+        if not wanted <= set(header) or len(set(header)) < len(header) or (rest is None and len(header) > len(fields)):
             raise ValueError(f"the columns must be {', '.join(fields)}")
         return [_record(kind, fields, dict(zip(header, row, strict=True)), rest) for row in rows]
     except (ValueError, csv.Error) as error:
@@ -104,5 +105,5 @@ def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list
 
 
 def _record(kind: type[_Row], fields: dict[str, Any], row: dict[str, str], rest: str | None) -> _Row:
-    values = {name: of(row.pop(name)) for name, of in fields.items()}
+    values = {name: of(row.pop(name)) for name, of in fields.items() if name in row}
     return kind(**values, **({} if rest is None else {rest: {name: float(value) for name, value in row.items()}}))

@@ -20,7 +20,7 @@ from auroraqd import _neighbours
 from auroraqd._checks import finite_rows, number, rows_of, whole, whole_numbers
 from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
-from auroraqd.population import Population
+from auroraqd.population import ORIGIN, Population
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""
@@ -34,10 +34,12 @@ class Archive(ABC):
 
     Columns are read-only views of the individuals stored now, an individual a row; take a copy to keep one:
     `genotype` (n, n_genes), `fitness` (n,), `observation` (n, ...), `descriptor` (n, d), `ground_truth` (n, ...) or None,
-    `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64. An id is never given twice.
+    `reconstruction_error` (n,) or None, `curiosity` (n,), `id` (n,) int64, `born` (n,) int64, `parent` (n,) int64. An id is
+    never given twice.
 
-    A new kind of archive provides `_place`, which decides, `_clear`, which forgets, and `_remember`, which finds its way into
-    individuals that are there.
+    A new kind of archive provides five things, and calls `super().__init__()`: `_place`, which decides; `_clear`, which
+    forgets; `_remember`, which finds its way into individuals that are there; and the properties `full` and `settings`.
+    `_place` sees individuals in the order of their rows: the first that it calls new is in row 0 of an empty archive.
     """
 
     def __init__(self) -> None:
@@ -80,7 +82,7 @@ class Archive(ABC):
     @property
     @abstractmethod
     def full(self) -> bool:
-        """Whether new individuals are rejected for lack of room."""
+        """Whether there is no room: an individual is stored only in the place of another, if at all."""
 
     @property
     @abstractmethod
@@ -101,7 +103,8 @@ class Archive(ABC):
         """Become the archive, of the same parameters, that had these columns and this `state`.
 
         Args:
-            columns: by name, all of those that the archive had.
+            columns: by name, all of those that the archive had; `born` and `parent`, which an earlier version did not keep,
+                are -1 if they are missing.
             state: likewise.
         """
         with self._lock, uninterrupted():
@@ -109,12 +112,16 @@ class Archive(ABC):
             self._population = Population()
             self._clear()
             size = len(columns["id"])
+            columns = {**{name: np.full(size, -1) for name in ORIGIN}, **columns}
             if size:
                 self._population.define(columns)
                 self._population.reserve(size)
                 self._population.write(np.arange(size), columns)
                 self._population.resize(size)
                 self._remember()
+
+    def _whole_column(self, name: str) -> np.ndarray:
+        return self._population[name] if name in self._population else np.empty(0, np.int64)
 
     def _column(self, name: str, row_shape: tuple[int, ...] = ()) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty((0, *row_shape))
@@ -160,7 +167,17 @@ class Archive(ABC):
     @property
     def id(self) -> np.ndarray:
         """(n,) int64: unique, given in the order of storing; rows are not sorted by it, for some replace others."""
-        return self._population["id"] if "id" in self._population else np.empty(0, np.int64)
+        return self._whole_column("id")
+
+    @property
+    def born(self) -> np.ndarray:
+        """(n,) int64: the number of its evaluation in its run, the first is 0; -1 where it is not known."""
+        return self._whole_column("born")
+
+    @property
+    def parent(self) -> np.ndarray:
+        """(n,) int64: the id of its parent, which may have been replaced; -1 for none, or where it is not known."""
+        return self._whole_column("parent")
 
     def add(
         self,
@@ -171,6 +188,8 @@ class Archive(ABC):
         *,
         ground_truth: ArrayLike | None = None,
         reconstruction_error: ArrayLike | None = None,
+        born: ArrayLike | None = None,
+        parent: ArrayLike | None = None,
     ) -> np.ndarray:
         """Add individuals one at a time, in order, each to an archive that holds the ones before it.
 
@@ -181,6 +200,8 @@ class Archive(ABC):
             descriptor: (n, d).
             ground_truth: (n, ...), if known. Given either always or never.
             reconstruction_error: (n,), if known. Given either always or never.
+            born: (n,) whole numbers, of their evaluations, if known; otherwise it is -1.
+            parent: (n,) ids of their parents, -1 for none; likewise.
 
         Returns:
             (n,) int8, the status of each: 0 rejected, 1 new, 2 replaced another, -1 invalid (a NaN or an infinity in
@@ -199,7 +220,9 @@ class Archive(ABC):
             batch["ground_truth"] = _numbers("ground_truth", ground_truth)
         if reconstruction_error is not None:
             batch["reconstruction_error"] = _numbers("reconstruction_error", reconstruction_error, 1, np.float64)
-        del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error
+        batch["born"] = _origin("born", born, len(batch["genotype"]))
+        batch["parent"] = _origin("parent", parent, len(batch["genotype"]))
+        del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error, born, parent
         with self._lock, uninterrupted():
             self._check(batch)
             return self._add(batch)
@@ -243,7 +266,7 @@ class Archive(ABC):
         for name, rows in batch.items():
             check_like(name, rows, self._population.raw(name))
 
-    def redescribe(self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None) -> None:
+    def redescribe(self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, least: int = 0) -> int:
         """Give every individual a new descriptor and add all again, oldest first (paper, Sec. "AURORA").
 
         Individuals that have become alike compete, so the archive may shrink. Ids and curiosity stay.
@@ -251,6 +274,10 @@ class Archive(ABC):
         Args:
             descriptor: (n, any d), one for each row.
             reconstruction_error: (n,), likewise. None: the column is dropped.
+            least: if fewer than these would stay, the archive is unchanged.
+
+        Returns:
+            How many stay, or would.
 
         Raises:
             ValueError: wrong shape, or a NaN or infinity; the archive is unchanged.
@@ -265,26 +292,42 @@ class Archive(ABC):
         if not np.isfinite(new["descriptor"]).all():
             raise ValueError("descriptor must be finite, got a NaN or an infinity")
         with self._lock, uninterrupted():
-            self._add_again(new)
+            return self._add_again(new, whole("least", least, least=0))
 
-    def _add_again(self, new: dict[str, np.ndarray]) -> None:
-        """Add all, oldest first, with new descriptors."""
+    def _add_again(self, new: dict[str, np.ndarray], least: int) -> int:
+        """Add all, oldest first, with new descriptors, unless fewer than `least` would stay; returns how many."""
         size = len(self)
-        self._clear()
-        self._rearranged += 1
         if size == 0:
-            return
+            self._clear()
+            self._rearranged += 1
+            return 0
         order = np.argsort(self.id)
         status = np.full(size, REJECTED, np.int8)
-        target = self._place(new["descriptor"][order], self.fitness[order], status)
+        self._clear()
+        try:
+            target = self._place(new["descriptor"][order], self.fitness[order], status)
+        except BaseException:
+            self._remember_again()
+            raise
+        staying = int(np.count_nonzero(status == NEW))
+        if staying < least:
+            self._remember_again()
+            return staying
+        self._rearranged += 1
         kept = target >= 0
-        source = np.empty(np.count_nonzero(status == NEW), np.int64)
+        source = np.empty(staying, np.int64)
         source[target[kept]] = order[kept]  # the last to be stored in a row is who is there
         new = {name: rows[source] for name, rows in new.items()}  # before the rest moves: these may be views of it
         self._population.gather(source)
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
             self._population.set(name, rows)
+        return staying
+
+    def _remember_again(self) -> None:
+        """Find the way back into individuals that are there, after an attempt to add them again."""
+        self._clear()
+        self._remember()
 
     @property
     def rearranged(self) -> int:
@@ -439,17 +482,25 @@ class UnstructuredArchive(Archive):
         self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=value)
 
     def redescribe(
-        self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, l: float | None = None
-    ) -> None:
+        self,
+        descriptor: ArrayLike,
+        *,
+        reconstruction_error: ArrayLike | None = None,
+        least: int = 0,
+        l: float | None = None,
+    ) -> int:
         """As `Archive.redescribe`, with a new l if one is given."""
         with self._lock, uninterrupted():
             previous = self._l
             self._l = previous if l is None else number("l", l)
+            taken = False
             try:
-                super().redescribe(descriptor, reconstruction_error=reconstruction_error)
-            except ValueError:
-                self._l = previous
-                raise
+                staying = super().redescribe(descriptor, reconstruction_error=reconstruction_error, least=least)
+                taken = staying >= least
+            finally:
+                if not taken:
+                    self._l = previous
+            return staying
 
     def novelty(self) -> np.ndarray:
         """(n,) float64: mean distance of each individual to its k nearest, itself left out."""
@@ -500,6 +551,16 @@ def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
         raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
         raise ValueError(f"{name} must have dtype {known.dtype}, as before, got {rows.dtype}")
+
+
+def _origin(name: str, values: ArrayLike | None, n: int) -> np.ndarray:
+    """Whole numbers that say where n individuals come from, (n,); -1 if they are not given."""
+    if values is None:
+        return np.full(n, -1)
+    whole = whole_numbers(name, values)
+    if whole.ndim != 1:
+        raise ValueError(f"{name} must have shape (n,), got {whole.shape}")
+    return whole
 
 
 def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type | None = None) -> np.ndarray:

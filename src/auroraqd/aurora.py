@@ -7,10 +7,12 @@ Quality-Diversity search whose behavioural descriptor is learned from the sensor
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,13 +23,17 @@ from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, Unstruct
 from auroraqd.batch import Batch, Pending
 from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.history import History, Record
-from auroraqd.resolution import VAT
+from auroraqd.resolution import Automatic
 from auroraqd.schedule import Doubling
 from auroraqd.selection import Curiosity
 from auroraqd.tasks import Evaluation, TaskError, checked, evaluated, name_of
 from auroraqd.tasks.noise import seeds_of
+from auroraqd.update import FIRST_FITS, Attempts, RefusedUpdate, Sources, Update, updated
 from auroraqd.variation import Polynomial
 
+SURVIVAL = 0.25
+"""The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
+those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were kept."""
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
 
@@ -44,10 +50,16 @@ class Aurora:
         batch_size: individuals a generation.
         archive: empty, or that of another run in this process. Default: `UnstructuredArchive()`.
         selection, variation: how parents are chosen and offspring made.
-        resolution: gives l after each update of an unstructured archive; None leaves l alone.
+        resolution: gives l after each update of an unstructured archive; None leaves l alone. By default `VAT()` where the
+            descriptor has one or two dimensions, and `Size()` where it has more.
         schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
             descriptor that is not learned is updated likewise, without the refit.
         prior: observations, (n, ...), on which the descriptor is fitted once, now, with its scaling; it is then never refitted.
+        survival: the least share of the individuals stored, or of those that the resolution aims at if these are fewer, that
+            must survive an update of the descriptor and l; one that leaves fewer is refused, with a warning, and the descriptor
+            before it stays (`auroraqd.update`). 0: none is refused for that.
+        robust: whether observations far outside all others, one in a hundred at most, are set aside, with a warning, when the
+            descriptor and its scaling are fitted (`auroraqd.scaling.far_outside`). False is the rule of the paper.
 
     Attributes:
         archive: what has been found.
@@ -69,9 +81,11 @@ class Aurora:
         archive: Archive | None = None,
         selection: Callable[[Archive, int, np.random.Generator], np.ndarray] = Curiosity(),
         variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = Polynomial(),
-        resolution: Callable[[np.ndarray], float] | None = VAT(),
+        resolution: Callable[[np.ndarray], float] | None = Automatic(),
         schedule: Callable[[int], bool] = Doubling(),
         prior: ArrayLike | None = None,
+        survival: float = SURVIVAL,
+        robust: bool = True,
     ) -> None:
         self.n_genes = whole("n_genes", n_genes)
         self.batch_size = whole("batch_size", batch_size)
@@ -84,8 +98,12 @@ class Aurora:
         self.archive = UnstructuredArchive() if archive is None else archive
         self.selection = selection
         self.variation = variation
-        self.resolution = resolution if hasattr(self.archive, "l") else None
+        self.resolution = resolution if isinstance(self.archive, UnstructuredArchive) else None
         self.schedule = schedule
+        self.survival = number("survival", survival, most=1, wanted="a share, from 0 to 1")
+        if not isinstance(robust, bool):
+            raise TypeError(f"robust must be True or False, got {robust!r}")
+        self.robust = robust
         self.generation = 0
         self.evaluations = 0
         self.history = History()
@@ -99,6 +117,8 @@ class Aurora:
             self._descriptor = self._descriptor.refitted(_checked_prior(prior))
         self._waiting: Batch | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
+        self._attempts = Attempts()  # at updates, since the last that was taken
+        self._refused = 0  # updates so far
         self._pending: Pending | None = None
         self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
@@ -108,7 +128,7 @@ class Aurora:
 
     @property
     def descriptor(self) -> Descriptor:
-        """The descriptor as it is now, with its transformer in `source` once fitted."""
+        """The descriptor as it is now; once it is fitted, `transformer` is what was learned."""
         return self._descriptor
 
     def describe(self, observation: ArrayLike) -> np.ndarray:
@@ -137,12 +157,18 @@ class Aurora:
 
         Raises:
             RuntimeError: the last batch has not been told.
-            ValueError: genotypes has the wrong shape or leaves [0, 1].
+            ValueError: genotypes has the wrong shape or leaves [0, 1]; or the selection or the variation returned something
+                else than it must. Nothing has changed.
         """
         if self._pending is not None:
             raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
+        random = self._rng.bit_generator.state
         with uninterrupted():
-            return self._asked(genotypes)
+            try:
+                return self._asked(genotypes)
+            except BaseException:  # a strategy that fails has used random numbers, and the run must not take another course
+                self._rng.bit_generator.state = random
+                raise
 
     def _asked(self, genotypes: ArrayLike | None) -> np.ndarray:
         since = time.perf_counter()
@@ -184,7 +210,10 @@ class Aurora:
         was_full = self.archive.full
         status = self._told(self._pending, evaluation)
         if self.archive.full and not was_full:
-            warnings.warn(f"the archive is full ({len(self.archive)} individuals): new ones are rejected", stacklevel=2)
+            warnings.warn(
+                f"the archive is full ({len(self.archive)} individuals): from now on, one is stored only in another's place",
+                stacklevel=2,
+            )
         return status
 
     @property
@@ -204,8 +233,10 @@ class Aurora:
         generations: int | None = None,
         evaluations: int | None = None,
         seconds: float | None = None,
+        until_generation: int | None = None,
         initial: ArrayLike | None = None,
-        callback: Callable[[Aurora], Any] | None = None,
+        callback: Callable[[Aurora], Any] | Sequence[Callable[[Aurora], Any]] | None = None,
+        progress: bool = False,
     ) -> Aurora:
         """Evaluate generations on a task until a budget is used up. Called again, it goes on.
 
@@ -217,9 +248,13 @@ class Aurora:
                 truth, or to observation alone. One whose attribute `seeded` is true is also given `seeds`, (n,) uint64.
             generations, evaluations, seconds: the budgets of this call, at least one of them; the first to be used up
                 ends it, at the end of a generation.
+            until_generation: a budget too: the generation to reach, counted from the beginning of the run, not of this call. A
+                script that resumes its run needs no other.
             initial: (m, n_genes) in [0, 1], known controllers, evaluated first. While nothing is stored, random ones fill
                 the batch up.
-            callback: called with this object after each generation; the run stops when it returns True.
+            callback: called with this object after each generation; the run stops when it returns True. Of several, a sequence,
+                all are called, in order.
+            progress: whether to show how it goes: a bar on a terminal, a line every ten seconds elsewhere, on standard error.
 
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
@@ -228,10 +263,14 @@ class Aurora:
             ValueError: no budget, or a negative one.
         """
         _check_callable("task", task)
-        budget = _Budget(self, generations, evaluations, seconds)
-        if callback is not None:
-            _check_callable("callback", callback)
+        budget = _Budget(self, generations, evaluations, seconds, until_generation)
+        callbacks = _callbacks(callback)
         known = None if initial is None else self._checked_genotypes(initial)
+        with _shown(self, budget) if progress else nullcontext() as show:
+            self._run(task, budget, known, callbacks if show is None else [*callbacks, show])
+        return self
+
+    def _run(self, task: Callable, budget: _Budget, known: np.ndarray | None, callbacks: list[Callable[[Aurora], Any]]) -> None:
         while not budget.used_up():
             if self._pending is None and known is not None:
                 self._ask_known(known)
@@ -245,9 +284,8 @@ class Aurora:
                 raise TaskError(f"task {name_of(task)} at generation {self.generation}: {error}") from error
             self.tell(*evaluation)
             self._check_progress(task)
-            if callback is not None and callback(self) is True:
+            if any([_is_true(callback(self)) for callback in callbacks]):
                 break
-        return self
 
     def _ask_known(self, known: np.ndarray) -> None:
         """Known controllers as the next batch; in an empty archive, filled up with random ones."""
@@ -293,39 +331,60 @@ class Aurora:
 
     def _told(self, pending: Pending, evaluation: Evaluation) -> np.ndarray:
         """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
-        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, *evaluation)
+        born = np.arange(self.evaluations, self.evaluations + len(pending.genotype))
+        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, born, *evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
         readable = self._descriptor.readable(batch.observation, batch.ground_truth)
         valid = finite_rows(batch.fitness) & readable
-        update = self._update_due or self.schedule(self.generation)
+        scheduled = self._update_due or self.schedule(self.generation)
+        first_fit = not self._descriptor.ready
         enough = self._descriptor.rows_to_fit(batch.observation[0].size)
-        if not self._descriptor.ready and np.count_nonzero(valid) + len(self.archive) < enough:
-            return self._wait(pending, batch, valid, update)
-        renewal = self._renewal(batch.only(valid)) if update or not self._descriptor.ready else None
-        descriptor = self._descriptor if renewal is None else renewal.descriptor
+        if first_fit and np.count_nonzero(valid) + len(self.archive) < enough:
+            return self._wait(pending, batch, valid, scheduled)
         individuals = batch.only(readable)  # what is invalid by its fitness alone is left to the archive
-        described = descriptor.describe(*individuals.sources) if readable.any() else None
+        update, refusal = None, None
+        if scheduled or first_fit or self._attempts.due == self.generation:
+            try:
+                update = self._updated(batch.only(valid))
+            except RefusedUpdate as error:
+                refusal = error
+        if refusal is not None and first_fit:
+            if self._attempts.refused == FIRST_FITS:
+                raise DescriptorError(f"{refusal}; it was tried {FIRST_FITS} times before, with fewer individuals") from refusal
+            return self._wait(pending, batch, valid, scheduled, refusal)
+        described = self._described(individuals, self._descriptor if update is None else update.descriptor)
         # Up to here anything may raise, or be interrupted: fitting takes long. From here on the state changes.
         with uninterrupted():
-            if renewal is not None:
-                self._renew(renewal)
+            if update is not None and (refusal := self._take(update)) is not None:
+                described = self._described(individuals, self._descriptor)
+            said = self._try_again(refusal, tried=update is not None)
             status = np.full(len(readable), INVALID, np.int8)
             if described is not None:
                 status[readable] = self._added(individuals, *described)
             rows = batch.parent_row if self.archive.rearranged == pending.rearranged else None
             self.archive.credit(batch.parent_id, status, rows=rows)
-            self._update_due, self._waiting = update and len(self.archive) == 0, None
-            self._done(pending, status)
+            alone = update is not None and refusal is None and update.l is None and self.resolution is not None
+            self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
+            self._done(pending, status, np.nan if described is None or first_fit else _rmse(described[1]))
+        _say(said)
         return status[-len(pending.genotype) :]
 
-    def _wait(self, pending: Pending, batch: Batch, valid: np.ndarray, update: bool) -> np.ndarray:
-        """Keep individuals for a later first fit of the descriptor: there are too few."""
+    def _wait(
+        self, pending: Pending, batch: Batch, valid: np.ndarray, scheduled: bool, refusal: RefusedUpdate | None = None
+    ) -> np.ndarray:
+        """Keep individuals for a later first fit of the descriptor: there are too few, or it was refused."""
         with uninterrupted():
-            self._update_due, self._waiting = update, batch.only(valid).copied()
+            said = self._try_again(refusal, tried=False)
+            self._update_due, self._waiting = scheduled, batch.only(valid).copied()
             status = np.where(valid, REJECTED, INVALID).astype(np.int8)
-            self._done(pending, status[~valid])
+            self._done(pending, status[~valid], np.nan)
+        _say(said)
         return status[-len(pending.genotype) :]
+
+    def _described(self, individuals: Batch, descriptor: Descriptor) -> tuple[np.ndarray, np.ndarray | None] | None:
+        """Descriptors and reconstruction errors; None where there are no individuals."""
+        return descriptor.describe(*individuals.sources) if len(individuals.genotype) else None
 
     def _added(self, individuals: Batch, values: np.ndarray, error: np.ndarray | None) -> np.ndarray:
         return self.archive.add(
@@ -335,10 +394,12 @@ class Aurora:
             values,
             ground_truth=individuals.ground_truth,
             reconstruction_error=error,
+            born=individuals.born,
+            parent=individuals.parent_id,
         )
 
-    def _done(self, pending: Pending, status: np.ndarray) -> None:
-        """Count and record a generation in which individuals were given this status."""
+    def _done(self, pending: Pending, status: np.ndarray, rmse: float) -> None:
+        """Count and record a generation in which individuals were given this status, and whose own had this error."""
         counts = np.bincount(status - INVALID, minlength=len(_STATUS_NAMES)).tolist()  # INVALID is the lowest
         for value, name in _STATUS_NAMES.items():
             self._counts[name] += counts[value - INVALID]
@@ -346,46 +407,74 @@ class Aurora:
         self.generation += 1
         self.evaluations += len(pending.genotype)
         self._seconds += time.perf_counter() - pending.since
-        self._record()
+        self._record(rmse)
 
-    def _renewal(self, individuals: Batch) -> _Renewal | None:
-        """The descriptor refitted, if it is learned, and all that is stored described by it (paper, Sec. "AURORA").
+    def _updated(self, individuals: Batch) -> Update | None:
+        """What an update would change: on all that is stored, or, while nothing is, on the individuals about to be added; None
+        when there are none either.
 
-        While nothing is stored, from the individuals about to be added; None when there are none either.
+        Raises:
+            RefusedUpdate: it would do harm.
         """
         archive = self.archive
         stored = len(archive) > 0
         if not stored and len(individuals.genotype) == 0:
             return None
-        sources = (archive.genotype, archive.observation, archive.ground_truth) if stored else individuals.sources
-        descriptor = self._descriptor
-        enough = len(sources[1]) >= descriptor.rows_to_fit(sources[1][0].size)
-        if not descriptor.ready or (self._refits and enough):
-            descriptor = descriptor.refitted(sources[1])
-        values, error = descriptor.describe(*sources)
-        if not np.isfinite(values).all():
-            raise DescriptorError(f"{descriptor} gave a NaN or an infinity for individuals that are stored")
-        l = None if self.resolution is None else number(f"what {self.resolution} gives for l", self.resolution(values))
-        return _Renewal(descriptor, values if stored else values[:0], error if stored else None, l)
+        columns: Any = archive if stored else individuals
+        sources = Sources(columns.genotype, columns.observation, columns.ground_truth, columns.born)
+        enough = len(sources.observation) >= self._descriptor.rows_to_fit(sources.observation[0].size)
+        update = updated(
+            self._descriptor,
+            sources,
+            archive.descriptor if stored and self._descriptor.ready else None,
+            refit=not self._descriptor.ready or (self._refits and enough),
+            robust=self.robust,
+            resolution=self.resolution,
+        )
+        return update if stored else update._replace(values=update.values[:0], error=None)
 
-    def _renew(self, renewal: _Renewal) -> None:
-        """Take over a new descriptor: redefine l and add all again."""
-        options = {} if renewal.l is None else {"l": renewal.l}
-        self.archive.redescribe(renewal.values, reconstruction_error=renewal.error, **options)
-        self._descriptor = renewal.descriptor
+    def _take(self, update: Update) -> RefusedUpdate | None:
+        """Take over a new descriptor: redefine l and add all again; or say why it is not taken."""
+        stored = len(self.archive)
+        least = math.ceil(self.survival * min(stored, getattr(self.resolution, "individuals", stored)))
+        options = {} if update.l is None else {"l": update.l}
+        staying = self.archive.redescribe(update.values, reconstruction_error=update.error, least=least, **options)
+        if staying < least:
+            return RefusedUpdate(
+                f"by {update.descriptor} only {staying:,} of {stored:,} individuals would survive, fewer than survival="
+                f"{self.survival:g} allows"
+            )
+        self._descriptor = update.descriptor
+        return None
 
-    def _record(self) -> None:
+    def _try_again(self, refusal: RefusedUpdate | None, *, tried: bool) -> str | None:
+        """Remember that an update was refused, or that it was not; returns what to say of it."""
+        if refusal is None:
+            self._attempts = Attempts() if tried else self._attempts
+            return None
+        self._refused += 1
+        if self._descriptor.ready:
+            self._attempts = self._attempts.after(self.generation)
+            then = f"the descriptor before it stays, and it is tried again at generation {self._attempts.due}"
+        else:
+            self._attempts = Attempts(self._attempts.refused + 1, None)
+            then = "individuals wait for the next batch, with which it is tried again"
+        return f"no update of the descriptor at generation {self.generation}: {refusal}; {then}"
+
+    def _record(self, rmse: float) -> None:
         error, fitness = self.archive.reconstruction_error, self.archive.fitness
         self.history.append(
             Record(
                 generation=self.generation,
                 evaluations=self.evaluations,
                 size=len(self.archive),
-                l=getattr(self.archive, "l", np.nan),
+                l=self.archive.l if isinstance(self.archive, UnstructuredArchive) else np.nan,
                 **self._counts,
                 mean_fitness=_mean(fitness),
                 max_fitness=float(fitness.max()) if len(fitness) else np.nan,
                 rmse=np.nan if error is None else _mean(error),
+                refused=self._refused,
+                rmse_new=rmse,
                 seconds=self._seconds,
             )
         )
@@ -402,29 +491,46 @@ def _mean(values: np.ndarray) -> float:
     return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
 
 
-class _Renewal(NamedTuple):
-    """What an update of the descriptor will change."""
+def _say(warning: str | None) -> None:
+    if warning is not None:
+        warnings.warn(warning, stacklevel=4)
 
-    descriptor: Descriptor
-    values: np.ndarray  # (n, d), the new descriptors of all that is stored
-    error: np.ndarray | None  # (n,), the new reconstruction errors
-    l: float | None
+
+def _rmse(error: np.ndarray | None) -> float:
+    return np.nan if error is None else _mean(error)
 
 
 class _Budget:
     """How much a call of `run` may use."""
 
-    def __init__(self, aurora: Aurora, generations: int | None, evaluations: int | None, seconds: float | None):
-        if generations is None and evaluations is None and seconds is None:
-            raise ValueError("run needs a budget: generations, evaluations or seconds")
+    def __init__(
+        self,
+        aurora: Aurora,
+        generations: int | None,
+        evaluations: int | None,
+        seconds: float | None,
+        until_generation: int | None,
+    ):
+        if generations is None and evaluations is None and seconds is None and until_generation is None:
+            raise ValueError("run needs a budget: generations, evaluations, seconds or until_generation")
         self._aurora = aurora
         self._generations = self._evaluations = self._deadline = np.inf
         if generations is not None:
             self._generations = aurora.generation + whole("generations", generations, least=0)
+        if until_generation is not None:
+            self._generations = min(self._generations, whole("until_generation", until_generation, least=0))
         if evaluations is not None:
             self._evaluations = aurora.evaluations + whole("evaluations", evaluations, least=0)
         if seconds is not None:
             self._deadline = time.monotonic() + number("seconds", seconds)
+
+    @property
+    def last_generation(self) -> int | None:
+        """The generation after which it is used up, at the latest; None where only the time says."""
+        aurora = self._aurora
+        batches = np.ceil(max(self._evaluations - aurora.evaluations, 0) / aurora.batch_size)
+        last = min(self._generations, aurora.generation + batches)
+        return int(last) if np.isfinite(last) else None
 
     def used_up(self) -> bool:
         """Whether one of the limits is reached."""
@@ -450,3 +556,25 @@ def _checked_prior(prior: ArrayLike) -> np.ndarray:
 def _check_callable(name: str, value: object) -> None:
     if isinstance(value, type) or not callable(value):
         raise TypeError(f"{name} must be callable, an instance and not a class, got {value!r}")
+
+
+def _is_true(value: Any) -> bool:
+    """Whether it is True, of Python or of NumPy: what else a callback returns means nothing."""
+    return isinstance(value, bool | np.bool_) and bool(value)
+
+
+def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
+    """One callback, several or none as a list."""
+    if given is None:
+        return []
+    several = list(given) if isinstance(given, Sequence) else [given]
+    for callback in several:
+        _check_callable("callback", callback)
+    return several
+
+
+def _shown(aurora: Aurora, budget: _Budget) -> Any:
+    """A context that shows the progress of a run, and gives a callback."""
+    from auroraqd.progress import shown  # Rich takes time to import
+
+    return shown(aurora, budget.last_generation)

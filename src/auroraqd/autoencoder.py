@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 _listener: ContextVar[Callable[[Progress], Any] | None] = ContextVar("listener", default=None)
 _VERBOSE_GAP = 5.0  # s
+_EXPLAINED = 0.05  # share of the variance of the observations below which nothing has been learned
+_ROWS = 256  # at a time, to be reconstructed
 
 
 @contextmanager
@@ -78,15 +80,17 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         min_steps: these steps of the optimiser take more epochs, as they do while there are few rows.
         patience: epochs over which the validation error is averaged.
         repeats: trainings with a new split.
-        validation: share of the rows held back in each split; 0: none, and validation errors are training errors.
-        split_above: with this many rows or fewer there is no split either.
+        validation: share of the rows held back in each split; 0: none, and all errors are training errors.
+        split_above: with this many rows or fewer there is no split either: what error they would have on others is not known.
         warm_start: whether another `fit` goes on with the weights there are. The optimiser always starts anew.
         verbose: whether `fit` prints its progress.
         random_state: seed of weights, splits and mini-batches. None: drawn from the system, or in `Aurora` from its seed.
 
     Attributes:
         epochs_: epochs done, for each repeat of the last `fit`.
-        validation_rmse_: RMSE of the validation rows on the [-1, 1] scale at the end of the last `fit`, with the final weights.
+        validation_rmse_: RMSE of the validation rows on the [-1, 1] scale at the end of the last `fit`, with the final weights;
+            NaN where none were held back.
+        training_rmse_: the same of all rows that `fit` was given.
     """
 
     natural_shape = True  # for Aurora, which flattens for other transformers
@@ -158,6 +162,15 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         }
         return cls(n_components, **{**literal, **options})
 
+    def check_parameters(self) -> None:
+        """What `fit` checks before it looks at any observations. `Aurora` asks for it at once, before a robot has moved.
+
+        Raises:
+            ValueError: a parameter is out of range.
+        """
+        self._protocol()
+        self._architecture(())
+
     def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
 
@@ -193,11 +206,20 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             )
         import jax
 
+        training_rmse, explained = _reconstruction(trained.network, rows)
+        if explained < _EXPLAINED and not trained.diverged:
+            warnings.warn(
+                f"the latent space of AutoEncoder has collapsed: the reconstructions of {len(rows):,} observations, RMSE "
+                f"{training_rmse:.3g} on the [-1, 1] scale, are hardly better than their mean. A lower learning_rate, more "
+                "epochs or another network may help",
+                stacklevel=2,
+            )
         self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(trained.network)]
         self.architecture_ = architecture
         self.low_, self.high_ = scaling
         self.epochs_ = trained.epochs
-        self.validation_rmse_ = trained.rmse
+        self.validation_rmse_ = trained.rmse if trained.validated else math.nan
+        self.training_rmse_ = training_rmse
         self.n_fits_ = fits + 1
         self._use: tuple[Scaler, AutoEncoderNetwork] | None = None
         return self
@@ -286,6 +308,20 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
 
     def _listener(self) -> Callable[[Progress], Any] | None:
         return _Printer() if self.verbose else _listener.get()
+
+
+def _reconstruction(network: AutoEncoderNetwork, rows: np.ndarray) -> tuple[float, float]:
+    """The root mean square error of scaled rows, (n, features), and the share of their variance that is explained.
+
+    Of rows that are all the same, 1.
+    """
+    mean = rows.mean(axis=0, dtype=np.float64)
+    wrong = variance = 0.0
+    for start in range(0, len(rows), _ROWS):
+        part = rows[start : start + _ROWS]
+        wrong += float(((network.decode(network.encode(part)) - part).astype(np.float64) ** 2).sum())
+        variance += float(((part - mean) ** 2).sum())
+    return math.sqrt(wrong / rows.size), 1 - wrong / variance if variance > 0 else 1.0
 
 
 class _Printer:

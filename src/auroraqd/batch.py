@@ -21,6 +21,7 @@ class Batch(NamedTuple):
     genotype: np.ndarray
     parent_id: np.ndarray
     parent_row: np.ndarray
+    born: np.ndarray  # (n,) int64, the number of the evaluation; -1 where it is not known
     fitness: np.ndarray
     observation: np.ndarray
     ground_truth: np.ndarray | None

@@ -80,9 +80,9 @@ class CellArchive(Archive):
         super()._check(batch)
         self._check_descriptor(batch["descriptor"])
 
-    def _add_again(self, new: dict[str, np.ndarray]) -> None:
+    def _add_again(self, new: dict[str, np.ndarray], least: int) -> int:
         self._check_descriptor(new["descriptor"])
-        super()._add_again(new)
+        return super()._add_again(new, least)
 
     def _clear(self) -> None:
         self._row_of = {}

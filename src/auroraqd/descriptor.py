@@ -7,12 +7,14 @@ value, `Descriptor`, which Aurora replaces when it is refitted.
 
 import copy
 import math
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auroraqd import _solvers
 from auroraqd._affine import Affine
 from auroraqd._checks import finite_rows, numbers, numeric, rows_of
 from auroraqd.scaling import Scaler, Scaling
@@ -69,6 +71,15 @@ class Descriptor:
     def __str__(self) -> str:
         return f"{self.source!r}" if isinstance(self.source, str) else f"the transform of {type(self.source).__name__}"
 
+    def __repr__(self) -> str:
+        fitted = f", of observations {rows_of(self.shape)}" if self.scaling is not None else ""
+        return f"Descriptor({self.source!r}{fitted})"
+
+    @property
+    def transformer(self) -> "Transformer | None":
+        """The object that is learned, fitted once `ready`; None where the descriptor is read off, not learned."""
+        return None if isinstance(self.source, str) else self.source
+
     @classmethod
     def checked(cls, source: "str | Transformer", rng: np.random.Generator) -> "Descriptor":
         """A descriptor from what a user gives.
@@ -84,6 +95,8 @@ class Descriptor:
             raise TypeError(
                 f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {source!r}"
             )
+        if hasattr(source, "check_parameters"):
+            source.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]
         return cls(_seeded(copy.deepcopy(source), rng))
 
     @property
@@ -123,7 +136,7 @@ class Descriptor:
         x = scaling.scaler(observation[0].size)(observation)
         x = x.reshape(observation.shape) if _natural(transformer) else x
         try:
-            transformer.fit(x)
+            _solvers.fit(transformer, x)
         except Exception as error:
             name = type(transformer).__name__
             raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
@@ -268,10 +281,26 @@ def _functions(transformer: Any, shape: tuple[int, ...]) -> tuple[Any, Any]:
     if _natural(transformer):
         encode = _Composed(encode, before=shape)
         decode = decode and _Composed(decode, after=(math.prod(shape),))
+    return encode, decode if decode is not None and _works(transformer, encode, decode, math.prod(shape)) else None
+
+
+def _works(transformer: Any, encode: Any, decode: Any, features: int) -> bool:
+    """Whether there is an inverse. Why not is said, unless there is none: some transformers have one for some settings only."""
+    wanted, found = (1, features), None
     try:
-        return encode, decode if decode is None or decode(encode(np.zeros((1, math.prod(shape))))).shape[1] else None
-    except Exception:
-        return encode, None
+        found = np.shape(decode(encode(np.zeros(wanted))))
+        reason = "" if found == wanted else f"it returns shape {found} for one observation, and not {wanted}"
+    except Exception as error:
+        # scikit-learn's KernelPCA has an inverse only if it is asked to fit one, and says so by a NotFittedError.
+        none = isinstance(error, NotImplementedError) or type(error).__name__ == "NotFittedError"
+        reason = "" if none else f"{type(error).__name__}: {error}"
+    if reason:
+        warnings.warn(
+            f"the inverse_transform of {type(transformer).__name__} does not work, so there are no reconstructions and no "
+            f"errors of them: {reason}",
+            stacklevel=4,
+        )
+    return found == wanted
 
 
 class _Composed(NamedTuple):

@@ -18,6 +18,9 @@ class Record(NamedTuple):
         mean_fitness, max_fitness: of the stored; NaN while there are none.
         rmse: mean over the stored of the root mean square error of their reconstruction, on the [-1, 1] scale; NaN when the
             descriptor cannot reconstruct.
+        refused: updates of the descriptor that failed or were refused; see `auroraqd.update`.
+        rmse_new: as `rmse`, of the individuals of this generation, by a descriptor that was not fitted on them: how well it
+            generalises. NaN where there are none, and in the generation of the first fit.
         seconds: time from each `ask` to the end of its `tell`.
     """
 
@@ -32,7 +35,9 @@ class Record(NamedTuple):
     mean_fitness: float
     max_fitness: float
     rmse: float
-    seconds: float
+    refused: int = 0
+    rmse_new: float = np.nan
+    seconds: float = np.nan
 
 
 class History:

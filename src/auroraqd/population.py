@@ -8,6 +8,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+REQUIRED = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id")
+"""Columns that all individuals have."""
+
+ORIGIN = ("born", "parent")
+"""Columns that individuals have had since version 0.3, -1 where it is not known."""
+
+COLUMNS = (*REQUIRED, "ground_truth", "reconstruction_error", *ORIGIN)
+"""All columns."""
+
 
 class Population:
     """Rows 0 to `len(population)` of named columns.

@@ -1,17 +1,17 @@
-"""Progress of a run or of an experiment: bars on a terminal, a line now and then elsewhere."""
+"""Progress of a run: a bar on a terminal, a line now and then elsewhere."""
 
+import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column
 
-from auroraqd.aurora import Aurora
-from auroraqd.experiments.replication import Job, Result
-from auroraqd.experiments.runner import Status
-
 if TYPE_CHECKING:
+    from auroraqd.aurora import Aurora
     from auroraqd.training import Progress as Training
 
 _REDRAW = 0.1  # s
@@ -23,11 +23,11 @@ class RunProgress:
 
     Args:
         console: where to show it.
-        generations: generations at the end of the run.
+        generations: generations at the end of the run; None where it is not known.
         evaluations: done before.
     """
 
-    def __init__(self, console: Console, generations: int, evaluations: int = 0):
+    def __init__(self, console: Console, generations: int | None, evaluations: int = 0):
         self._console = console
         self._generations = generations
         self._evaluations = evaluations
@@ -56,10 +56,10 @@ class RunProgress:
         if self._bar is not None:
             self._bar.stop()
 
-    def __call__(self, aurora: Aurora) -> None:
+    def __call__(self, aurora: "Aurora") -> None:
         """Show the state of a run, if it is time to, or if the run is at its end."""
         now = time.monotonic()
-        if now < self._next and aurora.generation < self._generations:
+        if now < self._next and aurora.generation != self._generations:
             return
         speed = (aurora.evaluations - self._evaluations) / max(now - self._since, 1e-9)
         self._next, self._since, self._evaluations = now + self._gap, now, aurora.evaluations
@@ -81,90 +81,26 @@ class RunProgress:
         if self._bar is not None:
             self._bar.update(self._task, completed=generation, state=state)
         else:
-            self._console.print(f"generation {generation}/{self._generations}  {state}", highlight=False, soft_wrap=True)
+            of = "" if self._generations is None else f"/{self._generations}"
+            self._console.print(f"generation {generation}{of}  {state}", highlight=False, soft_wrap=True)
 
 
-class ExperimentProgress:
-    """A context that shows how an experiment goes: a `auroraqd.experiments.runner.Listener`.
+@contextmanager
+def shown(aurora: "Aurora", generations: int | None) -> Iterator[RunProgress]:
+    """Progress of a run on standard error, and of the trainings in it.
 
     Args:
-        console: where to show it.
-        runs: how many there are to do.
+        aurora: the run.
+        generations: at its end; None where it is not known.
     """
-
-    def __init__(self, console: Console, runs: int):
-        self._console = console
-        self._runs = runs
-        self._finished = 0
-        self._failed: list[str] = []
-        self._tasks: dict[tuple[str, int], TaskID] = {}
-        self._next = 0.0
-        self._latest: dict[tuple[str, int], Status] = {}
-
-    @property
-    def failed(self) -> list[str]:
-        """The runs that were given up, and why."""
-        return list(self._failed)
-
-    def __enter__(self) -> "ExperimentProgress":
-        self._bar = Progress(
-            TextColumn("{task.description}", table_column=Column(no_wrap=True)),
-            MofNCompleteColumn(table_column=Column(no_wrap=True)),
-            BarColumn(bar_width=12),
-            TextColumn("{task.fields[state]}", table_column=Column(no_wrap=True)),
-            TimeElapsedColumn(),
-            console=self._console,
-            disable=not self._console.is_terminal,
-        )
-        self._all = self._bar.add_task("runs", total=self._runs, state="")
-        self._bar.start()
-        self._next = time.monotonic() + _LOG
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def progress(self, status: Status) -> None:
-        """A run has come this far."""
-        run = status.variant, status.replication
-        self._latest[run] = status
-        if run not in self._tasks:
-            name = f"{status.variant} {status.replication}"
-            self._tasks[run] = self._bar.add_task(name, total=status.generations, state="")
-        self._bar.update(self._tasks[run], completed=status.generation, state=_state(status))
-        if not self._console.is_terminal and time.monotonic() >= self._next:
-            self._next = time.monotonic() + _LOG
-            for latest in list(self._latest.values()):
-                where = f"generation {latest.generation}/{latest.generations}"
-                self._line(f"{latest.variant} {latest.replication}: {where}, {_state(latest)}")
-
-    def finished(self, result: Result) -> None:
-        """A run is done."""
-        self._finished += 1
-        self._remove(result.variant, result.replication)
-        rmse = "" if result.rmse != result.rmse else f", RMSE {result.rmse:.4f}"
-        measures = "".join(f", {name} {value:.4g}" for name, value in list(result.measures.items())[:1])
-        self._line(
-            f"{self._finished}/{self._runs} {result.variant} {result.replication}: {result.size:,} stored"
-            f"{measures}{rmse}, {result.seconds:.0f} s"
-        )
-
-    def failed_run(self, job: Job, reason: str) -> None:
-        """A run is given up."""
-        self._remove(job.variant, job.replication)
-        self._failed.append(f"{job.variant} {job.replication}: {reason}")
-        self._line(f"given up: {self._failed[-1]}")
-
-    def _remove(self, variant: str, replication: int) -> None:
-        self._latest.pop((variant, replication), None)
-        task = self._tasks.pop((variant, replication), None)
-        if task is not None:
-            self._bar.remove_task(task)
-        self._bar.update(self._all, completed=self._finished)
-
-    def _line(self, text: str) -> None:
-        self._bar.console.print(text, highlight=False, soft_wrap=True)
+    progress = RunProgress(Console(stderr=True), generations, aurora.evaluations)
+    with progress, training_told(aurora.descriptor.transformer, progress):
+        yield progress
 
 
-def _state(status: Status) -> str:
-    return f"{status.size:,} stored{', ' * bool(status.training)}{status.training}"
+def training_told(transformer: Any, progress: RunProgress) -> AbstractContextManager[Any]:
+    """Tell the progress of the training of an `AutoEncoder`; nothing of others, for which JAX need not be imported."""
+    module = sys.modules.get("auroraqd.autoencoder")
+    if module is None or not isinstance(transformer, module.AutoEncoder):
+        return nullcontext()
+    return module.listening(progress.training)

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._checks import in_short, numbers, whole
 from auroraqd.descriptor import Descriptor
-from auroraqd.scaling import Scaling
+from auroraqd.history import History
+from auroraqd.population import ORIGIN, REQUIRED
+from auroraqd.scaling import Scaling, far_outside
 from auroraqd.tasks import Evaluation, Genes, evaluated
-from auroraqd.tasks.noise import other_seeds
+from auroraqd.tasks.noise import other_seeds, seeds_at
 
 if TYPE_CHECKING:
     import pandas
-
-REQUIRED = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id")
-OPTIONAL = ("ground_truth", "reconstruction_error")
 
 
 class Reached(NamedTuple):
@@ -27,8 +27,8 @@ class Reached(NamedTuple):
 
     Attributes:
         rows: (k,) of the repertoire.
-        distance: (k,) to the desired outcome: in descriptor space, or, where it is only partly specified, the root mean square
-            over the entries given, each channel scaled to [-1, 1] by its range in the repertoire.
+        distance: (k,) to the desired outcome: the root mean square over the entries given, each channel (last axis) scaled to
+            [-1, 1] by its range in the repertoire, of which observations far outside all others are left out.
         genotype: (k, n_genes), what to do.
         observation: (k, ...), what it led to when it was found.
         reconstruction: (k, ...), what the learned descriptor expects there; None if it cannot reconstruct.
@@ -63,15 +63,36 @@ class Again(NamedTuple):
         return in_short(self)
 
 
+class Origin(Protocol):
+    """The run that a repertoire comes from. Asked when it is first needed."""
+
+    def descriptor(self) -> Descriptor:
+        """The one that the individuals were found with."""
+        ...
+
+    def seed(self) -> int:
+        """Of the run."""
+        ...
+
+    def config(self) -> dict[str, Any]:
+        """The settings of the run."""
+        ...
+
+    def history(self) -> History:
+        """Of the run."""
+        ...
+
+
 class Repertoire:
     """A collection of behaviours: the columns of the archive it comes from, an individual a row, read-only.
 
     Args:
-        columns: at least `genotype`, `fitness`, `observation`, `descriptor`, `curiosity` and `id`, of equal length.
-        descriptor: gives the descriptor they were found with; called when it is first needed.
+        columns: at least `genotype`, `fitness`, `observation`, `descriptor`, `curiosity` and `id`, of equal length. `born` and
+            `parent` are -1, not known, where they are missing.
+        origin: the run they come from.
     """
 
-    def __init__(self, columns: Mapping[str, np.ndarray], descriptor: Callable[[], Descriptor]):
+    def __init__(self, columns: Mapping[str, np.ndarray], origin: Origin):
         missing = [name for name in REQUIRED if name not in columns]
         if missing:
             raise ValueError(f"a repertoire must have the columns {', '.join(REQUIRED)}; there is no {', '.join(missing)}")
@@ -80,11 +101,21 @@ class Repertoire:
         for name, ndim in (("genotype", 2), ("fitness", 1), ("descriptor", 2), ("curiosity", 1), ("id", 1)):
             if columns[name].ndim != ndim:
                 raise ValueError(f"{name} must have {ndim} axes, got shape {columns[name].shape}")
-        self._columns = dict(columns)
-        for column in self._columns.values():
+        unknown = {name: np.full(len(columns["id"]), -1) for name in ORIGIN if name not in columns}
+        self._origin = origin
+        self._take({**columns, **unknown})
+
+    def _take(self, columns: dict[str, np.ndarray]) -> None:
+        self._columns = columns
+        for column in columns.values():
             column.flags.writeable = False
-        self._load_descriptor = descriptor
-        self._descriptor: Descriptor | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"columns": self._columns, "origin": self._origin}  # what was derived from them is derived again
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._origin = state["origin"]
+        self._take(state["columns"])  # copies of arrays can be written to
 
     def __len__(self) -> int:
         return len(self._columns["id"])
@@ -132,6 +163,36 @@ class Repertoire:
         """(n,) int64."""
         return self._columns["id"]
 
+    @property
+    def born(self) -> np.ndarray:
+        """(n,) int64: the number of its evaluation in the run, the first is 0; -1 where it is not known."""
+        return self._columns["born"]
+
+    @property
+    def parent(self) -> np.ndarray:
+        """(n,) int64: the id of its parent, which may have been replaced; -1 for none, or where it is not known."""
+        return self._columns["parent"]
+
+    @cached_property
+    def config(self) -> dict[str, Any]:
+        """The settings of the run and where it comes from: `config.json` of its folder, read when it is first asked for.
+
+        Raises:
+            FileNotFoundError: it is no longer there.
+            ValueError: it is damaged.
+        """
+        return self._origin.config()
+
+    @cached_property
+    def history(self) -> History:
+        """How the run went: `history.csv` of its folder, read when it is first asked for.
+
+        Raises:
+            FileNotFoundError: it is no longer there.
+            ValueError: it is damaged.
+        """
+        return self._origin.history()
+
     def describe(self, observation: ArrayLike) -> np.ndarray:
         """Descriptors of other observations, (n, ...) to (n, d), by the learned descriptor of the repertoire.
 
@@ -139,7 +200,7 @@ class Repertoire:
             RuntimeError: the descriptor is not learned.
             ValueError: wrong shape; or the transformer is of a type that is not trusted, see `auroraqd.load`.
         """
-        return self._loaded().describe_observation(observation)
+        return self._descriptor.describe_observation(observation)
 
     def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
         """Observations, (n, ...) in the units of the task, that the learned descriptor expects at descriptors, (n, d).
@@ -151,13 +212,13 @@ class Repertoire:
         places, d = numbers("descriptor", descriptor), self.descriptor.shape[1]
         if len(self) and (places.ndim != 2 or places.shape[1] != d):
             raise ValueError(f"descriptor must have shape (n, {d}), as those of the repertoire, got {places.shape}")
-        return self._loaded().reconstruct(places)
+        return self._descriptor.reconstruct(places)
 
     def reach(self, observation: ArrayLike, k: int = 1) -> Reached:
         """The k skills whose outcome is closest to a desired one.
 
-        Through the learned descriptor; where the descriptor is not learned, or the outcome is only partly specified, on the
-        entries of the observation that are given.
+        Closest by the observation, all of it or the entries that are given; see `Reached.distance`. Two outcomes may have one
+        descriptor, which therefore does not decide.
 
         Args:
             observation: (...), in the shape and units of the task; NaN for what does not matter.
@@ -175,14 +236,11 @@ class Repertoire:
         given = ~np.isnan(wanted)
         if np.isinf(wanted).any() or not given.any():
             raise ValueError("observation must have finite entries, or NaN for what does not matter, but not NaN alone")
-        descriptor = self._loaded()
-        if given.all() and descriptor.learned:
-            distance = np.linalg.norm(self.descriptor - descriptor.describe_observation(wanted[None])[0], axis=1)
-        else:
-            half = Scaling.of(self.observation).scaler(wanted.size).half[given.ravel()]
-            difference = (self.observation.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
-            distance = np.sqrt(np.mean(difference**2, axis=1))
+        half = Scaling.of(self.observation[~far_outside(self.observation)]).scaler(wanted.size).half[given.ravel()]
+        difference = (self.observation.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
+        distance = np.sqrt(np.mean(difference**2, axis=1))
         rows = np.argsort(distance, kind="stable")[:k]
+        descriptor = self._descriptor
         expected = descriptor.reconstruct(self.descriptor[rows]) if descriptor.decode is not None else None
         return Reached(rows, distance[rows], self.genotype[rows], self.observation[rows], expected)
 
@@ -190,7 +248,22 @@ class Repertoire:
         """Rows of n skills spread over descriptor space, always the same; fewer, if the rest are copies. See `diverse`."""
         return diverse(self.descriptor, whole("n", n))
 
-    def evaluate(self, task: Callable[..., Any], rows: ArrayLike | None = None, times: int = 1, *, seed: int = 0) -> Again:
+    def outlying(self) -> np.ndarray:
+        """Rows of skills whose observations lie far outside all others, (m,); see `auroraqd.scaling.far_outside`.
+
+        They are set aside when the descriptor is fitted: a simulation may have blown up.
+        """
+        return np.flatnonzero(far_outside(self.observation))
+
+    def evaluate(
+        self,
+        task: Callable[..., Any],
+        rows: ArrayLike | None = None,
+        times: int = 1,
+        *,
+        seed: int = 0,
+        seeds: Literal["new", "found"] = "new",
+    ) -> Again:
         """Run skills again, to see how repeatable they are, or what another robot makes of them.
 
         Args:
@@ -198,12 +271,14 @@ class Repertoire:
             rows: (n,) of the repertoire, all of it by default.
             times: how often.
             seed: of a task whose outcome depends on chance: each evaluation gets one of its own from it, none of a run's.
+            seeds: "found": each skill gets the seed instead that it was found with, each time the same.
 
         Returns:
             fitness, observation, error to the stored observation, and ground truth, of each skill each time: see `Again`.
 
         Raises:
-            IndexError, ValueError: there are no such rows, or an argument is out of range.
+            IndexError, ValueError: there are no such rows, an argument is out of range, or it is not known with which seed a
+                skill was found.
             TaskError: the task raised, or returned something else than promised.
             TypeError: the task cannot be called.
         """
@@ -212,9 +287,9 @@ class Repertoire:
         self._check_any("evaluate")
         chosen = np.arange(len(self)) if rows is None else self._rows(rows)
         genotype, stored = self.genotype[chosen], self.observation[chosen]
-        seeds = other_seeds(whole("seed", seed, least=0), whole("times", times) * len(chosen)).reshape(times, len(chosen))
         found = []
-        for theirs in seeds:  # copies, for the task may change what it is given, and use again what it returns
+        again = self._seeds(seeds, whole("seed", seed, least=0), whole("times", times), chosen)
+        for theirs in again:  # copies, for the task may change what it is given, and use again what it returns
             evaluation = evaluated(task, genotype.copy(), theirs.copy(), "with skills of the repertoire")
             found.append(Evaluation(*(None if column is None else np.array(column) for column in evaluation)))
         for evaluation in found:
@@ -226,6 +301,20 @@ class Repertoire:
         error = np.sqrt(np.mean(np.where(np.isfinite(difference), difference, np.nan) ** 2, axis=2))
         truths = [evaluation.ground_truth for evaluation in found if evaluation.ground_truth is not None]
         return Again(fitness, observation, error, np.stack(truths, axis=1) if truths else None)
+
+    def _seeds(self, which: str, seed: int, times: int, rows: np.ndarray) -> np.ndarray:
+        """Seeds to evaluate rows with, (times, n) uint64."""
+        if which == "new":
+            return other_seeds(seed, times * len(rows)).reshape(times, len(rows))
+        if which != "found":
+            raise ValueError(f"seeds must be 'new' or 'found', got {which!r}")
+        unknown = np.count_nonzero(self.born[rows] < 0)
+        if unknown:
+            raise ValueError(
+                f"seeds must be 'new' for {unknown} of these {len(rows)} skills: which evaluation found them is not known, for "
+                "an earlier version did not keep it (their born is -1)"
+            )
+        return np.tile(seeds_at(self._origin.seed(), self.born[rows]), (times, 1))
 
     def to_pandas(self, genes: Genes | None = None, observation: bool = True) -> pandas.DataFrame:
         """A table, a skill a row, which pandas writes to CSV, Parquet and others. Needs pandas, the extra `tables`.
@@ -278,10 +367,9 @@ class Repertoire:
             raise IndexError(f"rows must be of the repertoire, 0 to {len(self) - 1}, got {wrong[0]}")
         return chosen
 
-    def _loaded(self) -> Descriptor:
-        if self._descriptor is None:
-            self._descriptor = self._load_descriptor()
-        return self._descriptor
+    @cached_property
+    def _descriptor(self) -> Descriptor:
+        return self._origin.descriptor()
 
 
 def diverse(descriptor: np.ndarray, n: int) -> np.ndarray:

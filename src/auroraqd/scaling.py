@@ -1,8 +1,49 @@
-"""Scaling: each channel of an observation from its range to [-1, 1], which is what learned descriptors read."""
+"""Scaling: each channel of an observation from its range to [-1, 1], which is what learned descriptors read.
+
+A range hangs on its two ends, and one simulation that blew up would press all others into a point. `far_outside` finds such
+individuals, so that what is learned is learned from the others.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
+
+_TYPICAL = 0.99  # share of the individuals that say how large the others may be
+_FEWEST = 20  # individuals: of fewer nobody can say which is not like the others
+_FAR = 10.0  # times as far from the middle as `_TYPICAL` of the individuals
+
+
+def far_outside(observation: np.ndarray) -> np.ndarray:
+    """(n,) bool: observations, (n, ..., channels), with an entry far outside the range of the others, one in a hundred at most.
+
+    Far is ten times as far from the middle, the median over the observations of the middle of their own range, as 99 of 100
+    observations get, in one channel. Where 99 of 100 do not leave the middle at all, nothing is far.
+    """
+    if len(observation) < _FEWEST or observation.dtype.itemsize == 1:  # pixels have no room for it
+        return np.zeros(len(observation), bool)
+    rows = _by_channel(observation)
+    low, high = rows.min(axis=1).astype(np.float64), rows.max(axis=1).astype(np.float64)
+    middle = 2 * np.median(low / 4 + high / 4, axis=0)
+    with np.errstate(over="ignore"):  # at the ends of float64: infinitely far is far
+        far = beyond(np.maximum(high - middle, middle - low), _FAR)
+    return np.asarray(far.any(axis=1))
+
+
+def beyond(distance: np.ndarray, times: float) -> np.ndarray:
+    """(n, ...) bool: which of n distances are more than so many times as large as 99 of 100 of them are at most.
+
+    None are where fewer than 20 are known, or 99 of 100 are 0.
+    """
+    if len(distance) < _FEWEST:
+        return np.zeros(distance.shape, bool)
+    rank = int(_TYPICAL * (len(distance) - 1))  # never the last
+    typical = np.partition(distance, rank, axis=0)[rank]
+    return (distance > times * typical) & (typical > 0)
+
+
+def _by_channel(observation: np.ndarray) -> np.ndarray:
+    """(n, ..., channels) to (n, entries, channels); (n,) has one channel."""
+    return observation.reshape(len(observation), -1, observation.shape[-1] if observation.ndim > 1 else 1)
 
 
 class Scaling(NamedTuple):
@@ -18,8 +59,8 @@ class Scaling(NamedTuple):
     @classmethod
     def of(cls, observation: np.ndarray) -> "Scaling":
         """The range of each channel of (n, ..., channels)."""
-        channels = observation.reshape(-1, observation.shape[-1] if observation.ndim > 1 else 1)
-        return cls(channels.min(axis=0).astype(np.float64), channels.max(axis=0).astype(np.float64))
+        channels = _by_channel(observation)
+        return cls(*(ends.astype(np.float64) for ends in (channels.min(axis=(0, 1)), channels.max(axis=(0, 1)))))
 
     def scaler(self, features: int) -> "Scaler":
         """What scales observations of this many features in all."""

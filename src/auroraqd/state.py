@@ -13,17 +13,23 @@ import numpy as np
 
 from auroraqd import resolution, schedule, selection, variation
 from auroraqd.archive import Archive, UnstructuredArchive
-from auroraqd.aurora import Aurora
+from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.batch import Batch, Pending
 from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, Tessellation
 from auroraqd.descriptor import Descriptor
 from auroraqd.history import History, Record
+from auroraqd.population import COLUMNS
+from auroraqd.update import Attempts
 
 _STRATEGIES = {"selection": selection, "variation": variation, "resolution": resolution, "schedule": schedule}
-_COLUMNS = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id", "ground_truth", "reconstruction_error")
 _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits", "_update_due", "_counts")
-_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds")
+_SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0}  # plain too, and not in files of version 0.2.0
+_RECORDED = tuple(name for name in Record._fields if name != "seconds")
+_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds", "_attempts")
+
+FIELDS = {*_PLAIN, *_SINCE, *_OTHERS}
+"""All attributes of `Aurora` that are kept, or derived again. What users add to theirs is not kept."""
 
 
 class State(NamedTuple):
@@ -40,10 +46,10 @@ class State(NamedTuple):
 
 def state_of(aurora: Aurora) -> State:
     """The state of a run at any moment, also between `ask` and `tell`."""
-    assert set(vars(aurora)) == {*_PLAIN, *_OTHERS}, "a field of Aurora would not be kept"
     archive, records = aurora.archive, aurora.history.records
     values = {
-        **{name: getattr(aurora, name) for name in _PLAIN},
+        **{name: getattr(aurora, name) for name in (*_PLAIN, *_SINCE)},
+        "attempts": list(aurora._attempts),
         "settings": settings_of(aurora),
         "random": aurora._rng.bit_generator.state,
         "archive": archive.state,
@@ -51,11 +57,13 @@ def state_of(aurora: Aurora) -> State:
         "shape": list(aurora.descriptor.shape),
         "rearranged": None if aurora._pending is None else aurora._pending.rearranged,
     }
-    columns = {name: getattr(archive, name) for name in _COLUMNS}
+    columns = {name: getattr(archive, name) for name in COLUMNS}
     arrays = {
         **{name: column for name, column in columns.items() if column is not None},
         **{f"archive.{name}": array for name, array in archive.constants.items()},
-        "history": np.array(records, np.float64).reshape(len(records), len(Record._fields))[:, :-1].copy(),  # but for times
+        "history": np.array([[getattr(r, name) for name in _RECORDED] for r in records], np.float64).reshape(
+            -1, len(_RECORDED)
+        ),
     }
     for prefix, batch in (("pending", aurora._pending), ("waiting", aurora._waiting)):
         fields = {} if batch is None else batch._asdict()
@@ -80,10 +88,13 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     aurora = Aurora.__new__(Aurora)
     for name in _PLAIN:
         setattr(aurora, name, values[name])
+    for name, value in _SINCE.items():
+        setattr(aurora, name, values.get(name, value))
+    aurora._attempts = Attempts(*values.get("attempts", ()))
     for name, module in _STRATEGIES.items():
         setattr(aurora, name, parts[name] if name in parts else _strategy(name, values["settings"][name], module))
     archive = _archive(values["settings"]["archive"], _named("archive", arrays), parts.get("archive"))
-    archive.restore({name: arrays[name] for name in _COLUMNS if name in arrays}, values["archive"])
+    archive.restore({name: arrays[name] for name in COLUMNS if name in arrays}, values["archive"])
     records = [_record(row, seconds) for row in arrays["history"]]
     rng = np.random.default_rng()
     rng.bit_generator.state = values["random"]
@@ -91,7 +102,9 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     aurora.archive, aurora._descriptor, aurora._rng = archive, descriptor, rng
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
-    aurora._waiting = Batch(**{"ground_truth": None, **waiting}) if waiting else None
+    if waiting:  # an earlier version did not keep when they were born
+        waiting = {"ground_truth": None, "born": np.full(len(waiting["genotype"]), -1), **waiting}
+    aurora._waiting = Batch(**waiting) if waiting else None
     aurora._pending = Pending(**pending, rearranged=values["rearranged"], since=time.perf_counter()) if pending else None
     return aurora
 
@@ -104,6 +117,8 @@ def settings_of(aurora: Aurora) -> dict[str, Any]:
         "descriptor": _called(aurora.descriptor.source),
         "seed": aurora.seed,
         "batch_size": aurora.batch_size,
+        "robust": aurora.robust,
+        "survival": aurora.survival,
         "archive": {"type": type(archive).__name__, **archive.settings},
         **{name: as_json(getattr(aurora, name)) for name in _STRATEGIES},
     }
@@ -155,6 +170,6 @@ def _named(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
 
 
 def _record(row: np.ndarray, seconds: Mapping[int, float]) -> Record:
-    kinds = list(Record.__annotations__.values())
-    values: Any = [kind(value) for kind, value in zip(kinds, row.tolist(), strict=False)]
-    return Record(*values, seconds=seconds.get(int(row[0]), float("nan")))
+    names = _RECORDED[: len(row)]  # earlier versions had fewer
+    values: Any = {name: Record.__annotations__[name](value) for name, value in zip(names, row.tolist(), strict=True)}
+    return Record(**values, seconds=seconds.get(int(row[0]), float("nan")))

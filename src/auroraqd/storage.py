@@ -19,6 +19,7 @@ import reprlib
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -30,8 +31,9 @@ from auroraqd import _tensors, _transformers
 from auroraqd._files import as_path, folder_at, read_table, replacing
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import OBSERVATION, Descriptor
-from auroraqd.history import Record
-from auroraqd.repertoire import OPTIONAL, REQUIRED, Repertoire
+from auroraqd.history import History, Record
+from auroraqd.population import COLUMNS
+from auroraqd.repertoire import Repertoire
 from auroraqd.scaling import Scaling
 from auroraqd.state import State, restored, settings_of, state_of
 
@@ -126,8 +128,30 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
     """
     trusted = _checked_trust(trusted)
     arrays, kind = _read(folder)
-    columns = {name: arrays[name] for name in (*REQUIRED, *OPTIONAL) if name in arrays}
-    return Repertoire(columns, lambda: _descriptor(kind, arrays, trusted))
+    columns = {name: arrays.pop(name) for name in COLUMNS if name in arrays}
+    return Repertoire(columns, _Origin(as_path("folder", folder).absolute(), kind, arrays, trusted))
+
+
+@dataclass(frozen=True)
+class _Origin:
+    """The run of a repertoire: its folder, and what its checkpoint holds beside the columns."""
+
+    folder: Path
+    kind: str
+    arrays: Mapping[str, np.ndarray]
+    trusted: Sequence[str]
+
+    def descriptor(self) -> Descriptor:
+        return _descriptor(self.kind, self.arrays, self.trusted)
+
+    def seed(self) -> int:
+        return json.loads(self.arrays[_STATE].tobytes())["seed"]
+
+    def config(self) -> dict[str, Any]:
+        return load_config(self.folder)
+
+    def history(self) -> History:
+        return History.restored(load_history(self.folder), gap=1)
 
 
 def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_environment: bool = False, **parts: Any) -> Aurora:

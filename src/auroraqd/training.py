@@ -54,10 +54,12 @@ class Progress(NamedTuple):
     repeats: int
     epoch: int
     max_epochs: int
-    error: float  # root mean square error of the validation rows
+    error: float  # root mean square error of the validation rows, or of the training rows, where none are held back
+    validated: bool
 
     def __str__(self) -> str:
-        return f"repeat {self.repeat}/{self.repeats}, epoch {self.epoch}/{self.max_epochs}, validation RMSE {self.error:.4f}"
+        rows = "validation" if self.validated else "training"
+        return f"repeat {self.repeat}/{self.repeats}, epoch {self.epoch}/{self.max_epochs}, {rows} RMSE {self.error:.4f}"
 
 
 class Trained(NamedTuple):
@@ -65,7 +67,10 @@ class Trained(NamedTuple):
 
     network: AutoEncoderNetwork
     epochs: list[int]  # done, for each repeat
-    rmse: float  # of the validation rows of the last repeat, with the final weights
+    rmse: (
+        float  # of the validation rows of the last repeat, with the final weights; of the training rows, if none are held back
+    )
+    validated: bool  # whether some are
     diverged: bool
 
 
@@ -126,6 +131,7 @@ def _steps(
         structure, protocol._replace(batch_size=size, max_epochs=0, min_steps=0, repeats=0, validation=0, split_above=0)
     )
     epochs, rmse, diverged = [], float("nan"), False
+    validated = _held_back(n, protocol) > 0
     optimizer = step.optimizer.init(weights)
     for repeat in range(protocol.repeats):
         rows = _split(data, n, protocol, rng)
@@ -151,7 +157,7 @@ def _steps(
             state = step.epochs(state, rows, span, np.int32(at_once))
             jax.block_until_ready(state.over)
             at_once = max(1, int(at_once * min(4.0, _REPORT / max(time.monotonic() - since, 1e-6))))
-            yield Progress(repeat + 1, protocol.repeats, int(state.epoch), max_epochs, float(state.rmse))
+            yield Progress(repeat + 1, protocol.repeats, int(state.epoch), max_epochs, float(state.rmse), validated)
         epochs.append(int(state.epoch))
         rmse = float(state.best_rmse)
         weights, optimizer = state.best, state.optimizer
@@ -159,7 +165,7 @@ def _steps(
         if diverged:
             break
     trained = jax.tree.map(np.asarray, weights)
-    return Trained(eqx.combine(trained, structure), epochs, rmse, diverged)
+    return Trained(eqx.combine(trained, structure), epochs, rmse, validated, diverged)
 
 
 def _sizes(n: int, batch_size: int | None) -> tuple[int, int]:
@@ -174,10 +180,14 @@ def _sizes(n: int, batch_size: int | None) -> tuple[int, int]:
     return size, -(-padded // size) * size
 
 
+def _held_back(n: int, protocol: Protocol) -> int:
+    """Rows of n to validate on and not to train on."""
+    return min(round(protocol.validation * n), n - 1) if n > protocol.split_above else 0
+
+
 def _split(data: Array, n: int, protocol: Protocol, rng: np.random.Generator) -> _Rows:
     order = rng.permutation(n).astype(np.int32)
-    n_check = round(protocol.validation * n) if n > protocol.split_above else 0
-    n_check = min(n_check, n - 1)
+    n_check = _held_back(n, protocol)
     check, training = (order[:n_check], order[n_check:]) if n_check else (order, order)
 
     def filled(rows: np.ndarray) -> Array:

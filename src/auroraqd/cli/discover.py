@@ -4,7 +4,7 @@ import copy
 import os
 import signal
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
     from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
-    from auroraqd.progress import RunProgress
 
 OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
 
@@ -69,8 +68,12 @@ def run(
         ),
     ] = "polynomial",
     resolution: Annotated[
-        str, typer.Option(help="How l follows the descriptors: vat, vat:cells=47124 or fixed:l=0.05.")
-    ] = "vat",
+        str,
+        typer.Option(
+            help="How l follows the descriptors: vat:cells=47124 (cells that they span), size:individuals=10000 (about how "
+            "many to store), fixed:l=0.05; auto: vat in one and two dimensions, size in more."
+        ),
+    ] = "auto",
     schedule: Annotated[
         str, typer.Option(help="When the descriptor is refitted: doubling:first=50, every:generations=100 or never.")
     ] = "doubling",
@@ -86,6 +89,12 @@ def run(
     competition: Annotated[str, typer.Option(help="Who stays of two alike: dominance or elitist.")] = "dominance",
     capacity: Annotated[int | None, typer.Option(help="Most individuals to store. [default: no limit]")] = None,
     l: Annotated[float, typer.Option("--l", help="Distance threshold until the resolution sets it.")] = 0.0,
+    survival: Annotated[
+        float, typer.Option(help="Least share of the stored that an update of the descriptor must leave, or it is refused.")
+    ] = 0.25,
+    robust: Annotated[
+        bool, typer.Option(help="Set observations far outside all others aside when the descriptor is fitted.")
+    ] = True,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
@@ -116,6 +125,8 @@ def run(
         epsilon=epsilon,
         competition=competition,
         capacity=capacity,
+        survival=survival,
+        robust=robust,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
     _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
@@ -225,7 +236,7 @@ def _grow(
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
     from auroraqd._compiled import compiling
     from auroraqd.checkpoints import LOCK, Checkpoints
-    from auroraqd.progress import RunProgress
+    from auroraqd.progress import RunProgress, training_told
 
     failure: BaseException | None = None
     here = Path.cwd()
@@ -247,14 +258,9 @@ def _grow(
             with ExitStack() as said, compiling(lambda: said.enter_context(busy(slow, log=True))):
                 compile_kernels(settings)
             progress = RunProgress(console, settings.generations, aurora.evaluations)
-            with progress, _training_told(settings, progress):
-
-                def after_each(aurora: "Aurora") -> None:
-                    progress(aurora)
-                    checkpoints()
-
-                with nullcontext(task) if spread_over is None else spread_over(task) as spread:
-                    aurora.run(spread, generations=settings.generations - aurora.generation, callback=after_each)
+            spreading_task = nullcontext(task) if spread_over is None else spread_over(task)
+            with progress, training_told(aurora.descriptor.transformer, progress), spreading_task as spread:
+                aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     os.chdir(here)  # a task may have changed it
@@ -268,17 +274,6 @@ def _grow(
             out.rmdir()
     if failure is not None:
         _end(failure, aurora, kept)
-
-
-def _training_told(settings: "Settings", progress: "RunProgress") -> AbstractContextManager[Any]:
-    """Tell the progress of a training, if there is any: without, scikit-learn need not be imported, which takes a second."""
-    from auroraqd.experiments.settings import AUTOENCODER
-
-    if settings.descriptor_kind != AUTOENCODER:
-        return nullcontext()
-    from auroraqd.autoencoder import listening
-
-    return listening(progress.training)
 
 
 def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:

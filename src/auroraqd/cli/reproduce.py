@@ -85,8 +85,8 @@ def _reproduce(
     from auroraqd._workers import cores
     from auroraqd.evaluate import dask
     from auroraqd.experiments.ledger import Ledger
+    from auroraqd.experiments.progress import ExperimentProgress
     from auroraqd.experiments.runner import execute, plan
-    from auroraqd.progress import ExperimentProgress
 
     cluster: Any = None if scheduler is None else dask(scheduler)()
     ledger = Ledger(out if cluster is None else out.resolve())

@@ -1,6 +1,6 @@
 """`auroraqd show` and `animate`: to look at what was found."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -103,7 +103,7 @@ def report(folder: Path, figures: bool) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in [*_what_ran(storage.load_config(folder)), *_results(repertoire, records[-1] if records else None)]:
+    for name, value in [*_what_ran(storage.load_config(folder)), *_results(repertoire, records)]:
         table.add_row(name, value)
     for index, path in enumerate(files):
         table.add_row("" if index else "files", str(path))
@@ -119,15 +119,46 @@ def _what_ran(config: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [("run", ", ".join(str(word) for word in words if word is not None))]
 
 
-def _results(repertoire: Any, last: Any) -> list[tuple[str, str]]:
+_LATEST = 20  # generations, for the error on individuals that are new
+_GENERALISES = 1.5  # times the error of what is stored, that the error on others may be
+
+
+def _results(repertoire: Any, records: Sequence[Any]) -> list[tuple[str, str]]:
     shapes = f"genotype {repertoire.genotype.shape[1:]}, observation {repertoire.observation.shape[1:]}"
     rows = [("repertoire", f"{len(repertoire):,} individuals: {shapes}, descriptor {repertoire.descriptor.shape[1:]}")]
-    if last is None:
+    if not records:
         return rows
+    last = records[-1]
     counts = ", ".join(f"{getattr(last, name):,} {name}" for name in ("new", "replaced", "rejected", "invalid"))
     rows += [("evaluations", f"{last.evaluations:,} in {last.generation:,} generations: {counts}")]
     rows += [("l", f"{last.l:.6g}")] if last.l == last.l else []
-    rows += [("RMSE", f"{last.rmse:.4f} (reconstruction, observations scaled to [-1, 1])")] if last.rmse == last.rmse else []
+    rows += _errors(records)
     if last.max_fitness > last.mean_fitness:
         rows += [("fitness", f"mean {last.mean_fitness:.6g}, highest {last.max_fitness:.6g}")]
-    return [*rows, ("time", f"{last.seconds:.1f} s, {1e6 * last.seconds / max(last.evaluations, 1):.2f} us an evaluation")]
+    if last.refused:
+        rows += [("refused", f"{last.refused:,} updates of the descriptor failed, or would have lost what was found")]
+    outlying = repertoire.outlying()
+    if len(outlying):
+        shown = ", ".join(map(str, outlying[:10])) + ", ..." * (len(outlying) > 10)
+        rows += [("far outside", f"rows {shown}: set aside when the descriptor is fitted")]
+    return [*rows, ("time", f"{last.seconds:.1f} s, {_duration(last.seconds / max(last.evaluations, 1))} an evaluation")]
+
+
+def _duration(seconds: float) -> str:
+    """In the unit that leaves one to three digits before the point."""
+    factor, unit = next(((f, unit) for f, unit in ((1e6, "us"), (1e3, "ms")) if round(f * seconds, 2) < 1000), (1, "s"))
+    return f"{factor * seconds:.2f} {unit}"
+
+
+def _errors(records: Sequence[Any]) -> list[tuple[str, str]]:
+    """How well the descriptor reconstructs what it knows, and what it does not know."""
+    stored, new = records[-1].rmse, [record.rmse_new for record in records[-_LATEST:]]
+    new = [value for value in new if value == value]
+    if stored != stored:
+        return []
+    rows = [("RMSE", f"{stored:.4f} (reconstruction of what is stored, observations scaled to [-1, 1])")]
+    if new:
+        others = sum(new) / len(new)
+        verdict = "" if others <= _GENERALISES * stored else ": the descriptor does not generalise"
+        rows += [("", f"{others:.4f} of individuals it was not fitted on, the last {len(new)} generations{verdict}")]
+    return rows

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from auroraqd._files import folder_at, read_table, replacing
 from auroraqd.experiments.replication import Point, Result
 from auroraqd.experiments.settings import Settings
+from auroraqd.resolution import VAT
 
 SETTINGS, RUNS, CURVES, FOLDERS = "settings.json", "runs.csv", "curves.csv", "runs"
 _MEASURES = "measures"  # the field whose entries are columns of their own
@@ -104,7 +105,16 @@ def _read_settings(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is damaged: {error}") from None
     if not isinstance(values, dict) or not all(isinstance(value, dict) for value in values.values()):
         raise ValueError(f"{path} is damaged: it must hold a JSON object of objects")
-    return values
+    return {name: _as_now(value) for name, value in values.items()}
+
+
+def _as_now(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings that version 0.2.0 wrote, which set aside and refused nothing, as they are called now."""
+    earlier: dict[str, Any] = {"survival": 0.0, "robust": False, **settings}
+    kept = earlier.get("resolution")
+    if isinstance(kept, dict) and kept.get("type") == VAT.__name__:
+        earlier["resolution"] = {"robust": False, **kept}
+    return earlier
 
 
 def _table(path: Path, kind: type[_Row]) -> list[_Row]:

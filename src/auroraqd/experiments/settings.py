@@ -9,7 +9,7 @@ import numpy as np
 from auroraqd import resolution, schedule, selection, variation
 from auroraqd._checks import number, whole
 from auroraqd.archive import Archive, UnstructuredArchive
-from auroraqd.aurora import Aurora
+from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, tessellate
 from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
@@ -22,6 +22,7 @@ from auroraqd.tasks.noise import seeds_of
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
+_SINCE = {"survival": SURVIVAL, "robust": True}  # settings that those of version 0.2.0 have not
 _COMPETITION = ("k", "epsilon", "competition", "capacity", "l")
 
 
@@ -104,7 +105,12 @@ class CVTPrior:
 STRATEGIES = {
     "selection": {"curiosity": selection.Curiosity, "uniform": selection.Uniform},
     "variation": {"polynomial": variation.Polynomial, "gaussian": variation.Gaussian, "iso-line": variation.IsoLine},
-    "resolution": {"vat": resolution.VAT, "fixed": resolution.Fixed},
+    "resolution": {
+        "auto": resolution.Automatic,
+        "vat": resolution.VAT,
+        "size": resolution.Size,
+        "fixed": resolution.Fixed,
+    },
     "schedule": {"doubling": schedule.Doubling, "every": schedule.Every, "never": schedule.Never},
     "archive": {"unstructured": Unstructured, "grid": Grid, "cvt": CVT, "cvt-prior": CVTPrior},
 }
@@ -125,6 +131,7 @@ class Settings:
         seed: of all that is random.
         selection, variation, resolution, schedule, archive: strategies.
         l, k, epsilon, competition, capacity: of an unstructured archive; l only matters where the resolution never sets it.
+        survival, robust: what updates of the descriptor must leave, and what they set aside; see `auroraqd.Aurora`.
     """
 
     task: str = "ballistic"
@@ -136,7 +143,7 @@ class Settings:
     seed: int = 0
     selection: Any = field(default_factory=selection.Curiosity)
     variation: Any = field(default_factory=variation.Polynomial)
-    resolution: Any = field(default_factory=resolution.VAT)
+    resolution: Any = field(default_factory=resolution.Automatic)
     schedule: Any = field(default_factory=schedule.Doubling)
     archive: Any = field(default_factory=Unstructured)
     l: float = 0.0
@@ -144,6 +151,8 @@ class Settings:
     epsilon: float = 0.1
     competition: Any = "dominance"
     capacity: int | None = None
+    survival: float = SURVIVAL
+    robust: bool = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.task, str):
@@ -161,6 +170,9 @@ class Settings:
         kind = self.descriptor_kind
         if kind not in DESCRIPTORS or (kind != AUTOENCODER and kind != self.descriptor):
             raise ValueError(f"descriptor must be one of {', '.join(DESCRIPTORS)}, got {self.descriptor!r}")
+        number("survival", self.survival, most=1, wanted="a share, from 0 to 1")
+        if not isinstance(self.robust, bool):
+            raise ValueError(f"robust must be true or false, got {self.robust!r}")
         for name in ("components", "generations", "batch_size"):
             whole(name, getattr(self, name))
         whole("seed", self.seed, least=0)
@@ -204,6 +216,8 @@ class Settings:
             resolution=self.resolution,
             schedule=self.schedule,
             prior=self._prior(task),
+            survival=self.survival,
+            robust=self.robust,
         )
         return task, aurora
 
@@ -263,6 +277,7 @@ class Settings:
             ValueError: a setting is missing or unknown.
         """
         names = [f.name for f in fields(cls)]
+        values = {**_SINCE, **values}
         missing = [name for name in names if name not in values]
         if missing:
             raise ValueError(f"the settings have no {', '.join(missing)}")

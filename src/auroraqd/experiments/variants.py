@@ -8,6 +8,7 @@ from typing import Any
 from auroraqd import metrics
 from auroraqd.experiments.measures import Coverage, Diversity, Measure
 from auroraqd.experiments.settings import CVT, CVTPrior, Settings
+from auroraqd.resolution import VAT
 from auroraqd.variation import Polynomial
 
 # The network of the paper, trained with Adam for 60 epochs instead of its up to 125,000 of Adagrad; what the training does to
@@ -59,9 +60,16 @@ class Experiment:
     truth: str
 
     def base(self, generations: int = 5000, batch_size: int = 200) -> Settings:
-        """What the variants have in common: the paper's budget and variation."""
-        variation = Polynomial(at_least_one=False)
-        return Settings(task=self.task, generations=generations, batch_size=batch_size, variation=variation)
+        """What the variants have in common: the paper's budget, variation and updates, which set aside and refuse nothing."""
+        return Settings(
+            task=self.task,
+            generations=generations,
+            batch_size=batch_size,
+            variation=Polynomial(at_least_one=False),
+            resolution=VAT(robust=False),
+            survival=0.0,
+            robust=False,
+        )
 
     def quickened(self) -> "Experiment":
         """The same in little time: auto-encoders hardly trained, few centroids. To see it work, not to draw conclusions."""

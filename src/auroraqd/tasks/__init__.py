@@ -98,6 +98,10 @@ def checked(evaluation: Evaluation, n: int) -> Evaluation:
     if fitness.ndim != 1:
         raise ValueError(f"fitness must have shape ({n},), got {fitness.shape}")
     observation = _rows("observation", evaluation.observation, n)
+    if observation.ndim == 1:
+        raise ValueError(
+            f"observation must have shape (n, ...), got {observation.shape}: of one number each, write observation[:, None]"
+        )
     if observation[0].size == 0:
         raise ValueError(f"observation must have entries, got shape {observation.shape}")
     truth = evaluation.ground_truth

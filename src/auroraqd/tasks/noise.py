@@ -27,6 +27,11 @@ def seeds_of(seed: int, first: int, n: int) -> np.ndarray:
     return _seeds(_RUN, seed, first, n)
 
 
+def seeds_at(seed: int, born: np.ndarray) -> np.ndarray:
+    """Seeds of the evaluations of these numbers, (n,) whole, of a run, (n,) uint64."""
+    return np.array([seeds_of(seed, int(number), 1)[0] for number in born], np.uint64)
+
+
 def other_seeds(seed: int, n: int) -> np.ndarray:
     """Seeds to evaluate what was found again, (n,) uint64: none is of a run, also of the same seed."""
     return _seeds(_AGAIN, seed, 0, n)

@@ -1,0 +1,155 @@
+"""Updates: the descriptor is refitted, l redefined, and all that is stored described anew (paper, Sec. "AURORA").
+
+An update changes what every individual is known by, so one bad fit could end a run or empty its archive. It is looked at
+before it is taken: a descriptor that cannot be fitted, that does not describe all that is stored, that maps it to one point, or
+by which most of it would be lost, is refused. Then the one before stays, and it is tried again: in the next generation, and,
+should that fail too, ever later. Before a first fit there is none: individuals wait until it succeeds.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auroraqd.descriptor import Descriptor, DescriptorError
+from auroraqd.scaling import far_outside
+
+FIRST_FITS = 10  # times that a first fit is tried again, with ever more individuals
+_ROUNDING = 1e-10  # spread, as a share of the size of the numbers, that is none
+_NARROW = 1e-9  # likewise of a dimension beside the widest
+
+
+class RefusedUpdate(DescriptorError):
+    """An update that would do harm, and why; what it would have changed is as it was."""
+
+
+class Attempts(NamedTuple):
+    """Updates refused since the last that was taken, and the generation at which it is tried again."""
+
+    refused: int = 0
+    due: int | None = None
+
+    def after(self, generation: int) -> Attempts:
+        """One more was refused in this generation: the next is due in 1, 2, 4, ... generations."""
+        return Attempts(self.refused + 1, generation + 2**self.refused)
+
+
+class Update(NamedTuple):
+    """What an update would change.
+
+    Attributes:
+        descriptor: refitted, if it is learned.
+        values: (n, d), of all that is stored; of the individuals to be added, where nothing is.
+        error: (n,), of their reconstructions, or None.
+        l: the new distance threshold; None: as it is.
+    """
+
+    descriptor: Descriptor
+    values: np.ndarray
+    error: np.ndarray | None
+    l: float | None
+
+
+class Sources(NamedTuple):
+    """What descriptors read, a row an individual, and the number of its evaluation, for messages."""
+
+    genotype: np.ndarray
+    observation: np.ndarray
+    ground_truth: np.ndarray | None
+    born: np.ndarray
+
+
+def updated(
+    descriptor: Descriptor,
+    sources: Sources,
+    before: np.ndarray | None,
+    *,
+    refit: bool,
+    robust: bool,
+    resolution: Callable[[np.ndarray], Any] | None,
+) -> Update:
+    """What an update would change.
+
+    Args:
+        descriptor: as it is.
+        sources: of the n individuals that it is updated on.
+        before: (n, d), their descriptors so far; None while there are none.
+        refit: whether the descriptor is fitted on them.
+        robust: whether observations far outside the others are set aside for that.
+        resolution: gives l.
+
+    Raises:
+        RefusedUpdate: it would do harm.
+        DescriptorError: a descriptor that is not learned cannot describe.
+    """
+    called = f"on {len(sources.observation):,} observations"
+    try:
+        if refit:
+            descriptor = descriptor.refitted(_fitted_on(sources, robust))
+        values, error = descriptor.describe(*sources[:3])
+    except DescriptorError as error:
+        if not descriptor.learned:
+            raise
+        raise RefusedUpdate(f"{error} ({called})") from error
+    if not np.isfinite(values).all():
+        raise RefusedUpdate(f"{descriptor} gave a NaN or an infinity for individuals that are stored ({called})")
+    _check_spread(values, before, said=f"{descriptor} ({called})", first_fit=refit and before is None)
+    return Update(descriptor, values, error, None if resolution is None else _threshold(resolution, values))
+
+
+def _fitted_on(sources: Sources, robust: bool) -> np.ndarray:
+    """The observations to fit a descriptor on, without those far outside."""
+    x = sources.observation
+    if len(x) > 1 and np.array_equal(x[0], x[-1]) and (x == x[0]).all():
+        raise RefusedUpdate(f"all {len(x):,} observations are the same, so there is nothing to learn a descriptor from")
+    far = far_outside(x) if robust else np.zeros(len(x), bool)
+    if not far.any():
+        return x
+    largest, count = np.abs(x[far].astype(np.float64)).max(), np.count_nonzero(far)
+    warnings.warn(
+        f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
+        f"{largest:.3g}, set aside for the fit: evaluation {_listed(sources.born[far])}. What is stored stays",
+        stacklevel=6,
+    )
+    return x[~far]
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return f"{', '.join(map(str, numbers[:5]))}{', ...' * (len(numbers) > 5)}"
+
+
+def _check_spread(values: np.ndarray, before: np.ndarray | None, *, said: str, first_fit: bool) -> None:
+    """Refuse descriptors, (n, d), that do not tell individuals apart, or no longer in a dimension in which they did."""
+    if len(values) < 2:
+        return
+    with np.errstate(over="ignore"):
+        spread = np.ptp(values, axis=0)
+    if spread.max() <= _ROUNDING * np.abs(values).max():
+        raise RefusedUpdate(f"{said} maps all {len(values):,} individuals to one point")
+    narrow = spread <= _NARROW * spread.max()
+    if first_fit and narrow.any():
+        warnings.warn(f"{said} has no spread in {_dimensions(narrow)}", stacklevel=6)
+    if before is not None and before.shape == values.shape:
+        was = np.ptp(before, axis=0)
+        lost = narrow & (was > _NARROW * was.max())
+        if lost.any():
+            raise RefusedUpdate(f"{said} has no spread in {_dimensions(lost)}, in which individuals differed before")
+
+
+def _dimensions(which: np.ndarray) -> str:
+    numbers = ", ".join(str(number + 1) for number in np.flatnonzero(which))
+    return f"dimension {numbers}" if which.sum() == 1 else f"dimensions {numbers}"
+
+
+def _threshold(resolution: Callable[[np.ndarray], Any], values: np.ndarray) -> float | None:
+    """l by a resolution; None, as it is, of one individual alone, which has no distance to others."""
+    l: Any = resolution(values)
+    if isinstance(l, int | float | np.integer | np.floating) and 0 < l < np.inf:
+        return float(l)
+    asked_for = getattr(resolution, "l", None) == l
+    if l == 0 and (asked_for or len(values) == 1):
+        return 0.0 if asked_for else None
+    raise RefusedUpdate(f"{resolution} gives {l!r} for the distance threshold l, which must be a finite number above 0")
