@@ -92,10 +92,11 @@ def numeric(
     """
     try:
         array = _array(values)
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError) as error:
         got = getattr(values, "dtype", None)
         came = shown(values) if got is None or getattr(got, "kind", "O") == "O" else f"an array of {got}"
-        raise ValueError(f"{name} must be numbers{shape}, got {came}") from None
+        uneven = shape or (" with rows of one shape" if "inhomogeneous" in str(error) else "")
+        raise ValueError(f"{name} must be numbers{uneven}, got {came}") from None
     if array.dtype.itemsize > 8:
         raise ValueError(f"{name} must be numbers of at most 64 bits, got {array.dtype}")
     if axes not in (None, array.ndim) or (rows and array.ndim == 0) or (some and array.size == 0):

@@ -14,11 +14,11 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from auroraqd import _neighbours
 from auroraqd._checks import finite_rows, number, numbers, numeric, rows_of, shown, whole, whole_numbers
+from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
 from auroraqd.population import ORIGIN, Population
 
@@ -407,7 +407,7 @@ class Archive(ABC):
             _credit(curiosity, stored_ids, rows, ids, np.ascontiguousarray(status, np.int8))
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _credit(curiosity, stored_ids, rows, ids, status):
     """Add what each child earns, (m,) ids and status, to the curiosity of its parent if that is still in its row."""
     for i in range(rows.shape[0]):

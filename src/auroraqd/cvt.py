@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
-import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auroraqd._caches import cache_folder
 from auroraqd._checks import numbers, shown, whole
 from auroraqd._files import replacing
 from auroraqd.cells import CellArchive
@@ -209,23 +208,11 @@ def _points(name: str, values: ArrayLike) -> np.ndarray:
     return np.ascontiguousarray(numbers(name, values, " of shape (n, d)", axes=2, some=True, finite=True))
 
 
-def cache_folder() -> Path:
-    """Where tessellations are kept: `AURORAQD_CACHE`, or `auroraqd` in the cache folder of the system."""
-    if given := os.environ.get("AURORAQD_CACHE"):
-        return Path(given)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
-    elif sys.platform == "darwin":
-        base = "~/Library/Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "auroraqd"
-
-
-def _cache_path(samples: np.ndarray, cells: int, steps: int, seed: int) -> Path:
+def _cache_path(samples: np.ndarray, cells: int, steps: int, seed: int) -> Path | None:
     digest = hashlib.sha256(repr((_CACHE_VERSION, samples.shape, cells, steps, seed)).encode())
     digest.update(samples.data)
-    return cache_folder() / f"centroids-{digest.hexdigest()[:32]}.safetensors"
+    folder = cache_folder()
+    return None if folder is None else folder / f"centroids-{digest.hexdigest()[:32]}.safetensors"
 
 
 def _read(path: Path) -> Tessellation | None:
@@ -243,7 +230,5 @@ def _read(path: Path) -> Tessellation | None:
 def _write(path: Path, found: Tessellation) -> None:
     from safetensors.numpy import save
 
-    with contextlib.suppress(OSError):  # a cache that cannot be written costs time, nothing else
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as file:
-            file.write(save({"centroids": found.centroids, "counts": np.array(found[1:], np.int64)}))
+    with contextlib.suppress(OSError), replacing(path) as file:  # a cache that cannot be written costs time, nothing else
+        file.write(save({"centroids": found.centroids, "counts": np.array(found[1:], np.int64)}))
