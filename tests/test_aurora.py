@@ -353,7 +353,7 @@ def named(function):
         (lambda g: (np.zeros((5, 1)), np.zeros((5, 2))), r"fitness must have shape \(5,\), got \(5, 1\)"),
         (lambda g: (np.zeros(5), np.zeros((4, 2))), "observation must have 5 rows"),
         (lambda g: (np.zeros(5), np.zeros((5, 0))), "observation must have entries"),
-        (lambda g: (np.zeros(5), [[1], [1, 2], [1], [1], [1]]), "rows of one shape"),
+        (lambda g: (np.zeros(5), [[1], [1, 2], [1], [1], [1]]), "observation must be numbers, got"),
         (lambda g: (np.zeros(5), np.array(list("abcde"))), "observation must be numbers"),
         (lambda g: (np.zeros(5), np.zeros((5, 2)), 1.0), "ground_truth must have 5 rows"),
         (lambda g: 1 / 0, "raised ZeroDivisionError: division by zero"),
@@ -428,7 +428,7 @@ def test_bad_arguments_of_methods(ballistic):
     for descriptor in ("x", [0, 0], None):
         with pytest.raises(ValueError, match="descriptor must"):
             aurora.reconstruct(descriptor)
-    with pytest.raises(ValueError, match=r"inverse of the transform of PCA raised, for descriptor of shape \(1, 3\)"):
+    with pytest.raises(ValueError, match=r"descriptor must have shape \(n, 2\), as those in the archive, got \(1, 3\)"):
         aurora.reconstruct([[0, 0, 0]])
     with pytest.raises(TypeError, match="task must be callable"):
         aurora.run(3, generations=1)

@@ -59,7 +59,7 @@ def test_outcomes_that_are_none(learned):
         (wanted, len(learned) + 1, "k must be"),
         (wanted, 0, "k must be"),
         ("there", 1, "observation must be numbers, got 'there'"),
-        ([[1, 2], [3]], 1, "observation must be numbers, got"),
+        ([[1, 2], [3]], 1, "observation must be numbers with rows of one shape, got"),
     ):
         with pytest.raises(ValueError, match=message):
             learned.reach(observation, k)

@@ -8,8 +8,8 @@ same descriptor, to the last bit, in any batch.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from auroraqd._compiled import compiled
 from auroraqd.scaling import Scaler
 
 
@@ -54,7 +54,7 @@ def _matrix(function: Any, n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(values[1:] - values[0]), values[0]
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@compiled(nogil=True, fastmath={"reassoc", "contract"})
 def _describe(observation, center, factor, weight, offset, back, back_offset, z, error):
     """Fill z, (n, d), and error, (n,); see `Affine`."""
     features = observation.shape[1]

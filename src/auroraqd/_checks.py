@@ -1,9 +1,19 @@
 """What arguments must be, and how to say what came: one sentence with the argument's name, what was wanted and what came."""
 
 import reprlib
+from decimal import Decimal
+from numbers import Real
 from typing import Any
 
 import numpy as np
+
+
+def shown(value: Any) -> str:
+    """A value in short, whatever it is."""
+    try:
+        return reprlib.repr(value)
+    except Exception:  # a whole number of thousands of digits has none in Python, and what others make may have none at all
+        return f"a {type(value).__name__}"
 
 
 def whole(name: str, value: Any, *, least: int = 1, most: int | None = None) -> int:
@@ -19,7 +29,7 @@ def whole(name: str, value: Any, *, least: int = 1, most: int | None = None) -> 
         or (most is not None and value > most)
     ):
         limit = f"{least} or more" if most is None else f"from {least} to {most}"
-        raise ValueError(f"{name} must be a whole number, {limit}, got {value!r}")
+        raise ValueError(f"{name} must be a whole number, {limit}, got {shown(value)}")
     return int(value)
 
 
@@ -30,36 +40,90 @@ def number(name: str, value: Any, *, least: float = 0.0, most: float = np.inf, w
         ValueError: it is no number, or out of range.
     """
     numeric = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not (numeric and least <= value <= most and abs(value) < np.inf):
-        raise ValueError(f"{name} must be a finite number, {wanted}, got {value!r}")
-    return float(value)
+    try:
+        result = float(value) if numeric else np.nan
+    except OverflowError:  # a whole number of Python's
+        result = np.nan
+    if not (least <= result <= most and abs(result) < np.inf):
+        raise ValueError(f"{name} must be a finite number, {wanted}, got {shown(value)}")
+    return result
 
 
-def numbers(name: str, values: Any, shape: str = "") -> np.ndarray:
-    """An array of float64.
+def numbers(
+    name: str,
+    values: Any,
+    shape: str = "",
+    *,
+    axes: int | None = None,
+    rows: bool = False,
+    some: bool = False,
+    finite: bool = False,
+) -> np.ndarray:
+    """An array of float64: see `numeric`."""
+    array = numeric(name, values, shape, axes=axes, rows=rows, some=some, finite=finite)
+    return array.astype(np.float64, copy=False)
+
+
+def numeric(
+    name: str,
+    values: Any,
+    shape: str = "",
+    *,
+    axes: int | None = None,
+    rows: bool = False,
+    some: bool = False,
+    finite: bool = False,
+) -> np.ndarray:
+    """An array of numbers, of the dtype that they have, if it is one of numbers. The one way in for arrays of others.
+
+    None is no number, and not NaN; nor are digits in a string, complex numbers, times, or masked entries.
 
     Args:
         name: of the argument.
         values: what came.
         shape: that is wanted, for the message: " of shape (n,)".
+        axes: how many there must be.
+        rows: whether there must be one at least.
+        some: whether there must be an entry at least.
+        finite: whether a NaN or an infinity is refused.
 
     Raises:
-        ValueError: they are no numbers, or not rows of one shape. None is no number, and not NaN.
+        ValueError: they are no numbers of at most 64 bits, or not rows of one shape; or something else than wanted.
     """
-    return numeric(name, values, shape).astype(np.float64, copy=False)
-
-
-def numeric(name: str, values: Any, shape: str = "") -> np.ndarray:
-    """As `numbers`, of the dtype that they have, if it is one of numbers."""
     try:
-        array = np.asarray(values)
-        if array.dtype.kind in "biuf":
-            return array
-        if array.dtype.kind != "O" or any(entry is None or isinstance(entry, str | bytes) for entry in array.flat):
-            raise TypeError
-        return array.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name} must be numbers{shape}, got {reprlib.repr(values)}") from None
+        array = _array(values)
+    except (TypeError, ValueError, OverflowError) as error:
+        got = getattr(values, "dtype", None)
+        came = shown(values) if got is None or getattr(got, "kind", "O") == "O" else f"an array of {got}"
+        uneven = shape or (" with rows of one shape" if "inhomogeneous" in str(error) else "")
+        raise ValueError(f"{name} must be numbers{uneven}, got {came}") from None
+    if array.dtype.itemsize > 8:
+        raise ValueError(f"{name} must be numbers of at most 64 bits, got {array.dtype}")
+    if axes not in (None, array.ndim) or (rows and array.ndim == 0) or (some and array.size == 0):
+        wanted = shape.removeprefix(" of shape ") or {1: "(n,)", 2: "(n, columns)"}.get(axes or 0, "(n, ...)")
+        raise ValueError(f"{name} must have shape {wanted}{', with entries' if some else ''}, got {array.shape}")
+    if finite and not finite_rows(np.atleast_1d(array)).all():
+        raise ValueError(f"{name} must be finite, got a NaN or an infinity")
+    return array
+
+
+def _array(values: Any) -> np.ndarray:
+    """As an array of booleans, whole numbers or floats; raises what NumPy raises, or TypeError."""
+    if _masked(values):
+        raise TypeError
+    array = np.asarray(values)
+    if array.dtype.kind in "biuf":
+        return array
+    if array.dtype.kind != "O" or not all(isinstance(entry, Real | Decimal | np.bool_) for entry in array.flat):
+        raise TypeError
+    return array.astype(np.float64)
+
+
+def _masked(values: Any) -> bool:
+    """Whether entries are masked: NumPy would take what lies under the mask."""
+    if isinstance(values, list | tuple):
+        return any(_masked(entry) for entry in values if isinstance(entry, np.ma.MaskedArray | list | tuple))
+    return bool(np.ma.is_masked(values))
 
 
 def whole_numbers(name: str, values: Any) -> np.ndarray:
@@ -72,8 +136,10 @@ def whole_numbers(name: str, values: Any) -> np.ndarray:
         array = np.asarray(values)
     except ValueError:
         raise ValueError(f"{name} must be an array of whole numbers") from None
-    if array.dtype.kind not in "iu" and array.size:
+    if (array.dtype.kind not in "iu" and array.size) or _masked(values):
         raise ValueError(f"{name} must be whole numbers, got {array.dtype}")
+    if array.dtype == np.uint64 and array.size and array.max() > np.iinfo(np.int64).max:
+        raise ValueError(f"{name} must be below 2^63, got {array.max()}")
     return array.astype(np.int64, copy=False)
 
 

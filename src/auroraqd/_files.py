@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
+_MOST = 2**63  # of a whole number in a table
 _Row = TypeVar("_Row", bound=tuple)
 
 
@@ -106,4 +107,7 @@ def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list
 
 def _record(kind: type[_Row], fields: dict[str, Any], row: dict[str, str], rest: str | None) -> _Row:
     values = {name: of(row.pop(name)) for name, of in fields.items() if name in row}
+    for name, value in values.items():
+        if isinstance(value, int) and abs(value) > _MOST:
+            raise ValueError(f"{name} is too large")
     return kind(**values, **({} if rest is None else {rest: {name: float(value) for name, value in row.items()}}))

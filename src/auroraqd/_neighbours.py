@@ -22,6 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from auroraqd._compiled import compiled
+
 BUCKET = 32  # points a leaf can hold
 _SLACK = 1.06  # neighbours that moved away since a reach was measured; found by trying
 _LANES = 16  # numbers that vectorised loops take at a time
@@ -40,7 +42,7 @@ of another size, differs from it by rounding alone and must not pass for more no
 # Kernels allocate nothing, so they can do without Numba's reference counts (`_nrt`): counting the arrays of a tuple at each
 # call, with atomic operations, took 30% of the time of an addition. They are inlined into those that Python calls, for a call
 # hands over some hundred numbers that describe the arrays: a third of the time of a search.
-_kernel = njit(cache=True, nogil=True, _nrt=False, forceinline=True)  # pyright: ignore[reportCallIssue, reportArgumentType]
+_kernel = compiled(nogil=True, _nrt=False, forceinline=True)
 
 
 class Tree(NamedTuple):

@@ -59,7 +59,7 @@ def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:
         arrays = load(bytes(content))
     except _OtherFormat:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError, SafetensorError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, SafetensorError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
     del arrays[_CHECKSUM]
     return arrays, metadata[form]

@@ -6,10 +6,11 @@ of what is trusted skops imports all of scikit-learn, which takes up to a third 
 
 import io
 import json
+import math
 import zipfile
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from safetensors.numpy import load, save
@@ -21,6 +22,7 @@ _PLAIN = {
 }
 _REST = "json"  # what is no array; no attribute of theirs is called so
 _ZIP = b"PK"  # how a file of skops begins
+_PACKED = 200  # times that what is in a packed file may be larger than it
 _TRUSTED = ("auroraqd.autoencoder.AutoEncoder",)  # beyond scikit-learn's
 
 
@@ -46,21 +48,62 @@ def loaded(content: bytes, trusted: Sequence[str]) -> Any:
         trusted: full names of the types, beyond scikit-learn's and ours, that may be created.
 
     Raises:
-        ValueError: it needs a type that is not trusted, or cannot be imported.
+        ValueError: it needs a type that is not trusted, or cannot be imported; or it is damaged.
     """
-    if not content.startswith(_ZIP):
-        return _from_plain(content)
+    try:
+        return _from_zip(content, trusted) if content.startswith(_ZIP) else _from_plain(content)
+    except _Refused:
+        raise
+    except Exception as error:  # of a file that somebody wrote, anything
+        raise ValueError(f"the descriptor is damaged: {type(error).__name__}: {error}") from None
+
+
+class _Refused(ValueError):
+    """A descriptor that may be whole, but is not to be made, or cannot be."""
+
+
+def _from_zip(content: bytes, trusted: Sequence[str]) -> Any:
     import skops.io
     from skops.io.exceptions import UntrustedTypesFoundException
 
+    _check_parts(content, 1)
     try:
         return skops.io.loads(content, trusted=[*_TRUSTED, *trusted])
     except UntrustedTypesFoundException as error:
-        raise ValueError(
+        raise _Refused(
             f"the descriptor needs types that are not trusted. {error}. If you trust them, name them: trusted=[...]"
         ) from None
     except (ImportError, AttributeError) as error:
-        raise ValueError(f"the descriptor needs a type that cannot be imported here: {error}") from None
+        raise _Refused(f"the descriptor needs a type that cannot be imported here: {error}") from None
+
+
+def _check_parts(content: bytes, most: int) -> None:
+    """Raise ValueError if what a zip file says about itself does not hold, before anything in it is unpacked.
+
+    Args:
+        content: of the file.
+        most: times its size that all in it may take. skops packs nothing; sparse matrices are packed, in files within it.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as source:
+        if sum(part.file_size for part in source.infolist()) > most * len(content):
+            raise ValueError(f"what is in it would take more than {most} times its size")
+        for part in source.infolist():
+            with source.open(part) as file:
+                begin = file.read(len(_ZIP) + 4)
+            if begin.startswith(_ZIP + b"\x03\x04"):
+                _check_parts(source.read(part), _PACKED)
+            elif begin.startswith(b"\x93NUMPY"):
+                with source.open(part) as file:
+                    _check_array(file, part.file_size)
+
+
+def _check_array(file: IO[bytes], size: int) -> None:
+    """Raise ValueError if an array of NumPy is larger than its file: memory for it would be asked for first."""
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(file)
+    if math.prod(shape) * dtype.itemsize > size:
+        raise ValueError(f"an array of shape {shape} is larger than its file")
 
 
 def check(transformer: Any) -> None:
@@ -105,7 +148,7 @@ def _from_plain(content: bytes) -> Any:
     arrays = load(content)
     rest = json.loads(arrays.pop(_REST).tobytes())
     if rest["type"] not in _PLAIN:
-        raise ValueError(f"the descriptor needs a type that is not known here: {rest['type']}")
+        raise _Refused(f"the descriptor needs a type that is not known here: {rest['type']}")
     kind = _plain_type(rest["type"])
     transformer = kind.__new__(kind)
     vars(transformer).update(rest["values"])

@@ -14,17 +14,32 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from auroraqd import _neighbours
-from auroraqd._checks import finite_rows, number, rows_of, whole, whole_numbers
+from auroraqd._checks import finite_rows, number, numbers, numeric, rows_of, shown, whole, whole_numbers
+from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
 from auroraqd.population import ORIGIN, Population
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""
 
+_NO_DIMENSIONS = "descriptor must have a dimension at least, got none"
+_COLUMNS: dict[str, tuple[int | None, type | None]] = {  # axes and dtype; None: any
+    "genotype": (2, np.float64),
+    "fitness": (1, np.float64),
+    "observation": (None, None),
+    "descriptor": (2, np.float64),
+    "curiosity": (1, np.float64),
+    "id": (1, np.int64),
+    "ground_truth": (None, None),
+    "reconstruction_error": (1, np.float64),
+    "born": (1, np.int64),
+    "parent": (1, np.int64),
+}
+_OPTIONAL = ("ground_truth", "reconstruction_error", "born", "parent")
+_MOST_ID = 2**62
 _MOST_ROWS = int(np.iinfo(np.int32).max)
 _STORED_CREDIT, _UNSTORED_CREDIT = 1.0, -0.5  # curiosity score [Cully & Demiris, IEEE TEVC 2018]
 
@@ -106,9 +121,19 @@ class Archive(ABC):
             columns: by name, all of those that the archive had; `born` and `parent`, which an earlier version did not keep,
                 are -1 if they are missing.
             state: likewise.
+
+        Raises:
+            ValueError: no archive can have had them; this one is unchanged.
         """
+        next_id, rearranged = (whole(name, state.get(name), least=0, most=_MOST_ID) for name in ("next_id", "rearranged"))
+        check_columns(columns)
+        ids = columns["id"]
+        if len(ids) and not (ids.min() >= 0 and ids.max() < next_id):
+            raise ValueError(f"id must be from 0 to below next_id, {next_id}, got {ids.min()} to {ids.max()}")
+        if len(ids) and not self._apart(columns["descriptor"]):
+            raise ValueError("descriptor must be such that individuals can be stored beside each other, and some cannot")
         with self._lock, uninterrupted():
-            self._next_id, self._rearranged = state["next_id"], state["rearranged"]
+            self._next_id, self._rearranged = next_id, rearranged
             self._population = Population()
             self._clear()
             size = len(columns["id"])
@@ -119,6 +144,10 @@ class Archive(ABC):
                 self._population.write(np.arange(size), columns)
                 self._population.resize(size)
                 self._remember()
+
+    def _apart(self, descriptor: np.ndarray) -> bool:
+        """Whether individuals with these descriptors, (n, d) finite, n >= 1, can be stored beside each other."""
+        return True
 
     def _whole_column(self, name: str) -> np.ndarray:
         return self._population[name] if name in self._population else np.empty(0, np.int64)
@@ -211,15 +240,15 @@ class Archive(ABC):
             ValueError: an argument has the wrong shape or dtype; the archive is unchanged.
         """
         batch = {
-            "genotype": _numbers("genotype", genotype, 2, np.float64),
-            "fitness": _numbers("fitness", fitness, 1, np.float64),
-            "observation": _numbers("observation", observation),
-            "descriptor": _numbers("descriptor", descriptor, 2, np.float64),
+            "genotype": numbers("genotype", genotype, axes=2),
+            "fitness": numbers("fitness", fitness, axes=1),
+            "observation": numeric("observation", observation, rows=True),
+            "descriptor": numbers("descriptor", descriptor, axes=2),
         }
         if ground_truth is not None:
-            batch["ground_truth"] = _numbers("ground_truth", ground_truth)
+            batch["ground_truth"] = numeric("ground_truth", ground_truth, rows=True)
         if reconstruction_error is not None:
-            batch["reconstruction_error"] = _numbers("reconstruction_error", reconstruction_error, 1, np.float64)
+            batch["reconstruction_error"] = numbers("reconstruction_error", reconstruction_error, axes=1)
         batch["born"] = _origin("born", born, len(batch["genotype"]))
         batch["parent"] = _origin("parent", parent, len(batch["genotype"]))
         del genotype, fitness, observation, descriptor, ground_truth, reconstruction_error, born, parent
@@ -257,6 +286,8 @@ class Archive(ABC):
                 raise ValueError(f"{name} must have {n} rows, as genotype has, got shape {rows.shape}")
         if not np.isfinite(batch["genotype"]).all():
             raise ValueError("genotype must be finite, got a NaN or an infinity")
+        if n and batch["descriptor"].shape[1] == 0:
+            raise ValueError(_NO_DIMENSIONS)
         if len(self) == 0:
             return
         for name in ("ground_truth", "reconstruction_error"):
@@ -283,14 +314,14 @@ class Archive(ABC):
             ValueError: wrong shape, or a NaN or infinity; the archive is unchanged.
         """
         size = len(self)
-        new = {"descriptor": _numbers("descriptor", descriptor, 2, np.float64)}
+        new = {"descriptor": numbers("descriptor", descriptor, axes=2, finite=True)}
         if reconstruction_error is not None:
-            new["reconstruction_error"] = _numbers("reconstruction_error", reconstruction_error, 1, np.float64)
+            new["reconstruction_error"] = numbers("reconstruction_error", reconstruction_error, axes=1)
         for name, rows in new.items():
             if len(rows) != size:
                 raise ValueError(f"{name} must have {size} rows, one for each individual stored, got shape {rows.shape}")
-        if not np.isfinite(new["descriptor"]).all():
-            raise ValueError("descriptor must be finite, got a NaN or an infinity")
+        if size and new["descriptor"].shape[1] == 0:
+            raise ValueError(_NO_DIMENSIONS)
         with self._lock, uninterrupted():
             return self._add_again(new, whole("least", least, least=0))
 
@@ -348,7 +379,7 @@ class Archive(ABC):
             rows = np.where(self.id[found] == ids, found, rows)
         return rows
 
-    def credit(self, parent_ids: ArrayLike, status: ArrayLike, *, rows: np.ndarray | None = None) -> None:
+    def credit(self, parent_ids: ArrayLike, status: ArrayLike, *, rows: ArrayLike | None = None) -> None:
         """Update curiosity: a parent gains 1 for each child that was stored and loses 0.5 for each that was not.
 
         Args:
@@ -357,13 +388,16 @@ class Archive(ABC):
             rows: (n,) where the parents were before `add`, if known: saves the search for them.
 
         Raises:
-            ValueError: ids are no whole numbers, status no numbers, or they are not of one shape (n,).
+            ValueError: ids or rows are no whole numbers, status is none, or they are not of one shape (n,).
         """
-        ids, status = whole_numbers("parent_ids", parent_ids), np.asarray(status)
+        ids, status = whole_numbers("parent_ids", parent_ids), numeric("status", status)
         if ids.shape != status.shape or ids.ndim != 1:
             raise ValueError(f"parent_ids and status must have one shape (n,), got {ids.shape} and {status.shape}")
-        if status.dtype.kind not in "biuf":
-            raise ValueError(f"status must be numbers, as add returns them, got {status.dtype}")
+        if not ((status >= INVALID) & (status <= REPLACED)).all():
+            raise ValueError(f"status must be what add returned, from {INVALID} to {REPLACED}, got {shown(status)}")
+        rows = None if rows is None else whole_numbers("rows", rows)
+        if rows is not None and rows.shape != ids.shape:
+            raise ValueError(f"rows must have shape {ids.shape}, as parent_ids, got {rows.shape}")
         if len(self) == 0:
             return
         with self._lock, uninterrupted():
@@ -373,7 +407,7 @@ class Archive(ABC):
             _credit(curiosity, stored_ids, rows, ids, np.ascontiguousarray(status, np.int8))
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _credit(curiosity, stored_ids, rows, ids, status):
     """Add what each child earns, (m,) ids and status, to the curiosity of its parent if that is still in its row."""
     for i in range(rows.shape[0]):
@@ -398,7 +432,8 @@ class UnstructuredArchive(Archive):
     [1] A. Cully, Y. Demiris, Quality and Diversity Optimization: A Unifying Modular Framework, IEEE TEVC 2018.
 
     Args:
-        l: distance threshold, in units of the descriptor. 0 keeps every descriptor that differs. `Aurora` sets it.
+        l: distance threshold, in units of the descriptor. 0 keeps every descriptor that differs, by 1e-154 at least: squares of
+            less vanish. `Aurora` sets it.
         k: neighbours that make up the novelty.
         epsilon: tolerance of the rule, from 0 to below 1.
         competition: "dominance" or "elitist".
@@ -415,8 +450,8 @@ class UnstructuredArchive(Archive):
         capacity: int | None = None,
     ) -> None:
         super().__init__()
-        if competition not in ("dominance", "elitist"):
-            raise ValueError(f"competition must be 'dominance' or 'elitist', got {competition!r}")
+        if not isinstance(competition, str) or competition not in ("dominance", "elitist"):
+            raise ValueError(f"competition must be 'dominance' or 'elitist', got {shown(competition)}")
         self._k = whole("k", k, most=10**6)
         self._epsilon = number("epsilon", epsilon, most=np.nextafter(1, 0), wanted="0 or more and below 1")
         self._competition = competition
@@ -525,8 +560,14 @@ class UnstructuredArchive(Archive):
     def restore(self, columns: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
         """As `Archive.restore`."""
         with self._lock, uninterrupted():
-            self._l = number("l", state["l"])
+            l = number("l", state.get("l"))
             super().restore(columns, state)
+            self._l = l
+
+    def _apart(self, descriptor: np.ndarray) -> bool:
+        whole_rows = np.dtype((np.void, descriptor.itemsize * descriptor.shape[1]))
+        rows = np.ascontiguousarray(descriptor + 0.0).view(whole_rows)  # of the two zeros, one
+        return len(np.unique(rows)) == len(rows)
 
     def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
         n, d = descriptor.shape
@@ -545,6 +586,27 @@ class UnstructuredArchive(Archive):
         return batch.target
 
 
+def check_columns(columns: Mapping[str, np.ndarray]) -> None:
+    """Raise ValueError unless these can be the columns of an archive, by name."""
+    missing = [name for name in _COLUMNS if name not in columns and name not in _OPTIONAL]
+    if missing:
+        raise ValueError(f"the columns of an archive must have {', '.join(missing)}")
+    n = len(columns["genotype"]) if columns["genotype"].ndim else 0
+    for name, column in columns.items():
+        axes, dtype = _COLUMNS.get(name, (None, None))
+        if column.dtype.kind not in "biuf" or column.dtype.itemsize > 8 or dtype not in (None, column.dtype):
+            raise ValueError(f"{name} must be {'numbers' if dtype is None else np.dtype(dtype)}, got {column.dtype}")
+        if column.ndim == 0 or axes not in (None, column.ndim) or len(column) != n:
+            wanted = "rows" if axes is None else f"{axes} axes"
+            raise ValueError(f"{name} must have {wanted}, {n} as genotype has, got shape {column.shape}")
+        if name not in _OPTIONAL and not finite_rows(column).all():
+            raise ValueError(f"{name} must be finite, got a NaN or an infinity")
+    if n and columns["descriptor"].shape[1] == 0:
+        raise ValueError(_NO_DIMENSIONS)
+    if len(np.unique(columns["id"])) < n:
+        raise ValueError("id must differ between individuals, and some are the same")
+
+
 def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
     """Raise ValueError unless rows fit into a column that is there, in shape and without loss in dtype."""
     if rows.shape[1:] != known.shape[1:]:
@@ -561,17 +623,3 @@ def _origin(name: str, values: ArrayLike | None, n: int) -> np.ndarray:
     if whole.ndim != 1:
         raise ValueError(f"{name} must have shape (n,), got {whole.shape}")
     return whole
-
-
-def _numbers(name: str, values: ArrayLike, ndim: int | None = None, dtype: type | None = None) -> np.ndarray:
-    """The values as an array of numbers, with this many axes (None: one or more) and this dtype (None: as it is)."""
-    try:
-        array = np.asarray(values, dtype)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be an array of numbers with rows of one shape") from None
-    if array.dtype.kind not in "biuf" or array.dtype.itemsize > 8:
-        raise ValueError(f"{name} must be an array of numbers of at most 64 bits, got dtype {array.dtype}")
-    if array.ndim == 0 or ndim not in (None, array.ndim):
-        wanted = {None: "(n, ...)", 1: "(n,)", 2: "(n, columns)"}[ndim]
-        raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
-    return array

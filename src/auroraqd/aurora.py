@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, number, whole
+from auroraqd._checks import finite_rows, number, numbers, numeric, shown, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, check_like
 from auroraqd.batch import Batch, Pending
 from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.history import History, Record
 from auroraqd.provenance import changed, described
-from auroraqd.resolution import Automatic
+from auroraqd.resolution import VAT, Automatic
 from auroraqd.schedule import Doubling
 from auroraqd.selection import Curiosity
 from auroraqd.tasks import Evaluation, TaskError, checked, evaluated, name_of
@@ -99,7 +99,7 @@ class Aurora:
         self.archive = UnstructuredArchive() if archive is None else archive
         self.selection = selection
         self.variation = variation
-        self.resolution = resolution if isinstance(self.archive, UnstructuredArchive) else None
+        self.resolution = _resolution_for(self.archive, resolution)
         self.schedule = schedule
         self.survival = number("survival", survival, most=1, wanted="a share, from 0 to 1")
         if not isinstance(robust, bool):
@@ -115,7 +115,9 @@ class Aurora:
         if prior is not None:
             if not self._descriptor.learned:
                 raise ValueError(f"prior is for descriptors that are learned, not for {descriptor!r}")
-            self._descriptor = self._descriptor.refitted(_checked_prior(prior))
+            self._descriptor = self._descriptor.refitted(
+                numeric("prior", prior, " of shape (n, ...)", rows=True, some=True, finite=True)
+            )
         self._waiting: Batch | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
         self._attempts = Attempts()  # at updates, since the last that was taken
@@ -150,7 +152,11 @@ class Aurora:
             RuntimeError: the descriptor is not learned, not yet, or has no `inverse_transform`.
             ValueError: the descriptors are no numbers, or of the wrong shape.
         """
-        return self._descriptor.reconstruct(descriptor)
+        places = numbers("descriptor", descriptor, " of shape (n, d)", axes=2)
+        if len(self.archive) and places.shape[1] != self.archive.descriptor.shape[1]:
+            wanted = f"(n, {self.archive.descriptor.shape[1]}), as those in the archive"
+            raise ValueError(f"descriptor must have shape {wanted}, got {places.shape}")
+        return self._descriptor.reconstruct(places)
 
     def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray:
         """The next batch to evaluate, (n, n_genes) in [0, 1]: random while nothing is stored, then offspring.
@@ -309,10 +315,7 @@ class Aurora:
             self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
     def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
-        try:
-            children = np.array(genotypes, np.float64)
-        except (TypeError, ValueError):
-            raise ValueError(f"genotypes must be numbers of shape (n, {self.n_genes})") from None
+        children = numbers("genotypes", genotypes, f" of shape (n, {self.n_genes})").copy()
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
             raise ValueError(f"genotypes must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
         if not ((children >= 0) & (children <= 1)).all():
@@ -503,7 +506,8 @@ class Aurora:
 
 
 def _mean(values: np.ndarray) -> float:
-    return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
+    with np.errstate(over="ignore"):  # of the largest numbers the mean is infinite
+        return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
 
 
 def _say(warning: str | None) -> None:
@@ -556,21 +560,19 @@ class _Budget:
         )
 
 
-def _checked_prior(prior: ArrayLike) -> np.ndarray:
-    try:
-        observation = np.asarray(prior)
-    except ValueError:
-        raise ValueError("prior must be observations, (n, ...) numbers, with rows of one shape") from None
-    if observation.dtype.kind not in "biuf" or observation.ndim < 1 or observation.size == 0:
-        raise ValueError(f"prior must be observations, (n, ...) numbers, got shape {observation.shape} of {observation.dtype}")
-    if not finite_rows(observation).all():
-        raise ValueError("prior must be finite, got a NaN or an infinity")
-    return observation
+def _resolution_for(archive: Archive, resolution: Any) -> Any:
+    """The resolution, or None for an archive that has no l; there, only the default may be passed over."""
+    if isinstance(archive, UnstructuredArchive):
+        return resolution
+    if resolution not in (None, Automatic(), VAT()):
+        has_none = f"{type(archive).__name__} has none"
+        raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {resolution!r}")
+    return None
 
 
 def _check_callable(name: str, value: object) -> None:
     if isinstance(value, type) or not callable(value):
-        raise TypeError(f"{name} must be callable, an instance and not a class, got {value!r}")
+        raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")
 
 
 def _is_true(value: Any) -> bool:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
-from auroraqd._checks import finite_rows, number, numbers, rows_of, whole
+from auroraqd._checks import number, numbers, numeric, rows_of, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.scaling import Scaler, Scaling
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _listener: ContextVar[Callable[[Progress], Any] | None] = ContextVar("listener", default=None)
 _VERBOSE_GAP = 5.0  # s
+_OBSERVATIONS = " of shape (n, ...)"
 _EXPLAINED = 0.05  # share of the variance of the observations below which nothing has been learned
 _ROWS = 256  # at a time, to be reconstructed
 
@@ -183,7 +184,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             from auroraqd.training import train
 
         protocol = self._protocol()
-        x = _observations(x)
+        x = numeric("x", x, _OBSERVATIONS, rows=True, some=True, finite=True)
         shape = x.shape[1:]
         if self.n_components > x[0].size:
             raise ValueError(
@@ -232,7 +233,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             ValueError: wrong shape, or a NaN or an infinity.
         """
         scaler, network = self._in_use()
-        x = _observations(x, empty=True)
+        x = numeric("x", x, _OBSERVATIONS, rows=True, finite=True)
         if x.shape[1:] != self.observation_shape_:
             raise ValueError(f"x must have shape {rows_of(self.observation_shape_)}, as in fit, got {x.shape}")
         return network.encode(scaler(x))
@@ -334,15 +335,3 @@ class _Printer:
         if time.monotonic() >= self._next or progress.epoch == progress.max_epochs:
             print(progress)
             self._next = time.monotonic() + _VERBOSE_GAP
-
-
-def _observations(values: ArrayLike, empty: bool = False) -> np.ndarray:
-    try:
-        x = np.asarray(values)
-    except ValueError:
-        raise ValueError("x must be observations, (n, ...) numbers, with rows of one shape") from None
-    if x.dtype.kind not in "biuf" or x.ndim < 1 or (x[:1].size == 0 and not (empty and len(x) == 0)):
-        raise ValueError(f"x must be observations, (n, ...) numbers with n >= 1, got shape {x.shape} of {x.dtype}")
-    if not finite_rows(x).all():
-        raise ValueError("x must be finite, got a NaN or an infinity")
-    return x

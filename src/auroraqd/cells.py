@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import numbers, whole
+from auroraqd._checks import numbers, shown, whole
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive
 
 
@@ -62,11 +62,7 @@ class CellArchive(Archive):
         Raises:
             ValueError: wrong shape, or a NaN or an infinity.
         """
-        values = numbers("descriptor", descriptor, f" of shape (n, {self.n_dimensions})")
-        if values.ndim != 2:
-            raise ValueError(f"descriptor must have shape (n, {self.n_dimensions}), got {values.shape}")
-        if not np.isfinite(values).all():
-            raise ValueError("descriptor must be finite, got a NaN or an infinity")
+        values = numbers("descriptor", descriptor, f" of shape (n, {self.n_dimensions})", axes=2, finite=True)
         self._check_descriptor(values)
         return self._cells(values)
 
@@ -75,6 +71,10 @@ class CellArchive(Archive):
             raise ValueError(
                 f"descriptor must have {self.n_dimensions} dimensions, as the cells have, got {descriptor.shape[1]}"
             )
+
+    def _apart(self, descriptor: np.ndarray) -> bool:
+        self._check_descriptor(descriptor)
+        return len(np.unique(self._cells(descriptor))) == len(descriptor)
 
     def _check(self, batch: dict[str, np.ndarray]) -> None:
         super()._check(batch)
@@ -129,18 +129,21 @@ class GridArchive(CellArchive):
     def __init__(self, cells: Sequence[int], *, low: ArrayLike = -1.0, high: ArrayLike = 1.0) -> None:
         super().__init__()
         if not isinstance(cells, Sequence | np.ndarray) or len(cells) == 0:
-            raise ValueError(f"cells must be numbers of cells, one for each dimension, got {cells!r}")
-        self._shape = tuple(whole("cells", number) for number in cells)
+            raise ValueError(f"cells must be numbers of cells, one for each dimension, got {shown(cells)}")
+        self._shape = tuple(whole("cells", number, most=2**53) for number in cells)  # a place in the box is a float
         if self.n_cells > np.iinfo(np.int64).max:
-            raise ValueError(f"cells must make fewer than 2^63 in all, got {cells!r}")
+            raise ValueError(f"cells must make fewer than 2^63 in all, got {shown(cells)}")
         try:
             self._low, self._high = (
-                np.array(np.broadcast_to(np.asarray(v, np.float64), len(self._shape))) for v in (low, high)
+                np.array(np.broadcast_to(numbers(name, v), len(self._shape))) for name, v in (("low", low), ("high", high))
             )
-        except (TypeError, ValueError):
-            raise ValueError(f"low and high must be numbers, or {len(self._shape)} each, got {low!r} and {high!r}") from None
-        if not (np.isfinite(self._high - self._low).all() and (self._low < self._high).all()):
-            raise ValueError(f"low must be below high, both finite, got {low!r} and {high!r}")
+        except ValueError:
+            wanted = f"numbers, or {len(self._shape)} each"
+            raise ValueError(f"low and high must be {wanted}, got {shown(low)} and {shown(high)}") from None
+        with np.errstate(over="ignore", invalid="ignore"):
+            width = self._high - self._low
+        if not (np.isfinite(width).all() and (self._low < self._high).all()):
+            raise ValueError(f"low must be below high, both finite, got {shown(low)} and {shown(high)}")
 
     def __repr__(self) -> str:
         box = f"low={self._low.tolist()}, high={self._high.tolist()}"

@@ -11,15 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
-import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import whole
+from auroraqd._caches import cache_folder
+from auroraqd._checks import numbers, shown, whole
 from auroraqd._files import replacing
 from auroraqd.cells import CellArchive
 
@@ -68,7 +67,7 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
     samples = _points("samples", samples)
     cells, steps, seed = whole("cells", cells), whole("steps", steps), whole("seed", seed, least=0)
     if len(samples) < cells:
-        raise ValueError(f"samples must be at least as many as cells, {cells}, got {len(samples)}")
+        raise ValueError(f"samples must be at least as many as cells, {shown(cells)}, got {len(samples)}")
     path = _cache_path(samples, cells, steps, seed) if cache else None
     found = None if path is None else _read(path)
     if found is not None and found.centroids.shape[1] == samples.shape[1] and len(found.centroids) <= cells:
@@ -82,6 +81,9 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
 def _lloyd(samples: np.ndarray, cells: int, steps: int, seed: int) -> Tessellation:
     from sklearn.cluster import KMeans
 
+    if np.abs(samples).max() > 2.0**900:  # their differences and sums are to be numbers too
+        found = _lloyd(samples * 2.0**-200, cells, steps, seed)
+        return found._replace(centroids=found.centroids * 2.0**200)
     distinct = np.unique(samples, axis=0)
     if len(distinct) <= cells:
         return Tessellation(distinct, cells, len(samples), 0)
@@ -123,7 +125,9 @@ class CVTArchive(CellArchive):
         given = centroids.centroids if isinstance(centroids, Tessellation) else centroids
         points = _points("centroids", given)
         _, first = np.unique(points, axis=0, return_index=True)
-        asked, samples, steps = centroids[1:] if isinstance(centroids, Tessellation) else (len(points), 0, 0)
+        counts = centroids[1:] if isinstance(centroids, Tessellation) else (len(points), 0, 0)
+        named = zip(("asked", "samples", "steps"), counts, strict=True)
+        asked, samples, steps = (whole(f"{name} of the centroids", count, least=0) for name, count in named)
         points = points[np.sort(first)]
         points.flags.writeable = False
         self.tessellation = Tessellation(points, asked, samples, steps)
@@ -170,7 +174,8 @@ class CVTArchive(CellArchive):
     def _nearest(self, x: np.ndarray) -> np.ndarray:
         """The nearest centroid of each of a few descriptors, (n, d)."""
         n, d = x.shape
-        near = (x - self._middle) / self._unit
+        with np.errstate(over="ignore"):  # what is infinite is far
+            near = (x - self._middle) / self._unit
         length = np.abs(near).max(axis=1) * np.sqrt(d)  # at most: for the bounds below
         far = length > _FAR  # their scores say too little: all centroids are looked at
         near[far] = 0
@@ -189,10 +194,10 @@ class CVTArchive(CellArchive):
         nearest = np.zeros(n, np.int64)
         points = self.tessellation.centroids
         # By a power of two, which changes no digit, so that squares neither overflow nor vanish.
-        size = np.maximum(np.abs(x - self._middle).max(axis=1), self._unit)
+        size = np.maximum(np.abs(x / 2 - self._middle / 2).max(axis=1), self._unit / 2)
         scale = np.exp2(-np.clip(np.frexp(size)[1], -1000, 1000).astype(float))
         for i, start in zip(row.tolist(), (group * _GROUP).tolist(), strict=True):
-            distance = (((points[start : start + _GROUP] - x[i]) * scale[i]) ** 2).sum(axis=1)
+            distance = ((points[start : start + _GROUP] * scale[i] - x[i] * scale[i]) ** 2).sum(axis=1)
             j = int(distance.argmin())
             if distance[j] < best[i]:
                 best[i], nearest[i] = distance[j], start + j
@@ -200,34 +205,14 @@ class CVTArchive(CellArchive):
 
 
 def _points(name: str, values: ArrayLike) -> np.ndarray:
-    try:
-        points = np.ascontiguousarray(values, np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers of shape (n, d)") from None
-    if points.ndim != 2 or points.size == 0:
-        raise ValueError(f"{name} must have shape (n, d) with n, d >= 1, got {points.shape}")
-    if not np.isfinite(points).all():
-        raise ValueError(f"{name} must be finite, got a NaN or an infinity")
-    return points
+    return np.ascontiguousarray(numbers(name, values, " of shape (n, d)", axes=2, some=True, finite=True))
 
 
-def cache_folder() -> Path:
-    """Where tessellations are kept: `AURORAQD_CACHE`, or `auroraqd` in the cache folder of the system."""
-    if given := os.environ.get("AURORAQD_CACHE"):
-        return Path(given)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
-    elif sys.platform == "darwin":
-        base = "~/Library/Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "auroraqd"
-
-
-def _cache_path(samples: np.ndarray, cells: int, steps: int, seed: int) -> Path:
+def _cache_path(samples: np.ndarray, cells: int, steps: int, seed: int) -> Path | None:
     digest = hashlib.sha256(repr((_CACHE_VERSION, samples.shape, cells, steps, seed)).encode())
     digest.update(samples.data)
-    return cache_folder() / f"centroids-{digest.hexdigest()[:32]}.safetensors"
+    folder = cache_folder()
+    return None if folder is None else folder / f"centroids-{digest.hexdigest()[:32]}.safetensors"
 
 
 def _read(path: Path) -> Tessellation | None:
@@ -245,7 +230,5 @@ def _read(path: Path) -> Tessellation | None:
 def _write(path: Path, found: Tessellation) -> None:
     from safetensors.numpy import save
 
-    with contextlib.suppress(OSError):  # a cache that cannot be written costs time, nothing else
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as file:
-            file.write(save({"centroids": found.centroids, "counts": np.array(found[1:], np.int64)}))
+    with contextlib.suppress(OSError), replacing(path) as file:  # a cache that cannot be written costs time, nothing else
+        file.write(save({"centroids": found.centroids, "counts": np.array(found[1:], np.int64)}))

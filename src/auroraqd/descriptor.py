@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from auroraqd import _solvers
 from auroraqd._affine import Affine
-from auroraqd._checks import finite_rows, numbers, numeric, rows_of
+from auroraqd._checks import finite_rows, numbers, numeric, rows_of, shown
 from auroraqd.scaling import Scaler, Scaling
 
 HAND_CODED = "hand-coded"
@@ -93,7 +93,7 @@ class Descriptor:
             return cls(source)
         if isinstance(source, type) or not isinstance(source, Transformer):
             raise TypeError(
-                f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {source!r}"
+                f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {shown(source)}"
             )
         if hasattr(source, "check_parameters"):
             source.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]

@@ -10,7 +10,6 @@ fitness NaN. A worker that fails what others do is set aside.
 
 import logging
 import math
-import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -18,13 +17,14 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+import cloudpickle
 import numpy as np
 
 from auroraqd._checks import number, numeric, seeds_for, whole
-from auroraqd._trust import Trust, Worker, this_worker
+from auroraqd._trust import Trust, Worker
 from auroraqd._workers import cores
-from auroraqd.executors import START, Refused, dask, load, processes
-from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
+from auroraqd.executors import START, Answer, dask, processes, work_on
+from auroraqd.tasks import Evaluation, name_of
 
 __all__ = ["Spread", "dask", "over", "processes"]
 
@@ -55,8 +55,8 @@ def over(
     Args:
         executor: makes a `concurrent.futures` executor, when it is called: `processes(8)`, `dask(client)`, or for instance
             `lambda: mpi4py.futures.MPIPoolExecutor()`. Called again when the one before is broken.
-        task: from genotypes (n, n_genes) to fitness, observation and, if known, ground truth; one that can be pickled, which
-            is one that its module defines at the top.
+        task: from genotypes (n, n_genes) to fitness, observation and, if known, ground truth. What its module defines at the
+            top the workers import; a lambda, a closure or a function of a notebook is sent itself, with what it refers to.
         chunk: individuals that are sent at once. None: ever fewer towards the end of a batch, at most 0.2 s of work.
         timeout: seconds that an individual may take. None: no limit. A worker that takes longer is ended, where the executor
             is `processes` or `dask`; of others it is left behind with a new executor.
@@ -73,9 +73,9 @@ def over(
     if not callable(task):
         raise TypeError(f"task must be callable, got {task!r}")
     try:
-        content = pickle.dumps(task)
+        content = cloudpickle.dumps(task)
     except Exception as error:
-        raise ValueError(f"task {name_of(task)} cannot be sent to workers: {error}. Define it at the top of a module") from None
+        raise ValueError(f"task {name_of(task)} cannot be sent to workers, nor what it refers to: {error}") from None
     return Spread(
         executor,
         task,
@@ -105,16 +105,6 @@ class _Piece(NamedTuple):
         middle = (self.start + self.stop) // 2
         fresh = self._replace(failed_on=frozenset())
         return [fresh._replace(stop=middle), fresh._replace(start=middle)]
-
-
-class _Answer(NamedTuple):
-    """What a worker has done with a piece: one of the three."""
-
-    worker: Worker
-    evaluation: Evaluation | None = None
-    error: str | None = None
-    refused: Refused | None = None  # neither: it left the piece to others
-    seconds: float = 0.0
 
 
 class Spread:
@@ -295,7 +285,7 @@ class _Batch:
         elsewhere = spread._trust.elsewhere(piece.failed_on)
         pause = min(max(spread._seconds or 0.0, _PAUSE[0]), _PAUSE[1])
         submit = getattr(executor, "submit_elsewhere", lambda _, *arguments: executor.submit(*arguments))
-        return submit(elsewhere, _evaluate, spread._content, spread.__name__, work, elsewhere, pause)
+        return submit(elsewhere, work_on, spread._content, spread.__name__, work, elsewhere, pause)
 
     def _following(self, workers: int) -> _Piece | None:
         self._alone = bool(self._suspects)
@@ -318,7 +308,7 @@ class _Batch:
         """Take a result; False when the executor is broken, and what was under way with it."""
         spread = self._spread
         try:
-            answer: _Answer = future.result()
+            answer: Answer = future.result()
         except BrokenExecutor as error:
             self._broke(error)
             return False
@@ -441,30 +431,3 @@ class _Batch:
         for piece, rows in parts:
             column[piece.start : piece.stop] = rows
         return column
-
-
-def _evaluate(
-    content: bytes, name: str, work: tuple[np.ndarray, np.ndarray | None], elsewhere: frozenset, pause: float
-) -> _Answer:
-    """In a worker: evaluate genotypes, with their seeds, and time it. No exception leaves it: not all can be sent."""
-    worker = this_worker()
-    if worker.among(elsewhere):
-        time.sleep(pause)  # so that others are there first when it is sent again
-        return _Answer(worker)
-    task = load(content, name)
-    if isinstance(task, Refused):
-        return _Answer(worker, refused=task)
-    since = time.perf_counter()
-    try:
-        result = called(task, *work)
-    except SystemExit as error:  # or the worker would end
-        return _Answer(worker, error=f"it called sys.exit({error})")
-    except Exception as error:
-        return _Answer(worker, error=f"{type(error).__name__}: {error}")
-    seconds = time.perf_counter() - since
-    try:
-        evaluation = as_evaluation(result, len(work[0]))
-    except ValueError as error:
-        return _Answer(worker, refused=Refused(ValueError, str(error)))
-    columns: Any = (None if column is None else np.array(column) for column in evaluation)  # the task may use its own again
-    return _Answer(worker, Evaluation(*columns), seconds=seconds)

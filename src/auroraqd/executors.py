@@ -1,5 +1,6 @@
 """Workers: processes of this machine, or of a cluster, as executors of `concurrent.futures` for `auroraqd.evaluate`.
 
+What a worker does with a piece of work is here too, so that it has imported all it needs when it says that it is ready.
 Things that these can and others cannot: `prepare` waits until the workers are there and have the task, so that the time
 they take to start is not taken for a slow evaluation; `kill` ends workers that hang; `submit_elsewhere`, of a cluster, keeps
 work from some workers.
@@ -18,9 +19,12 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from auroraqd._checks import whole
 from auroraqd._trust import Worker, this_worker
 from auroraqd._workers import cores, one_thread, settle
+from auroraqd.tasks import Evaluation, as_evaluation, called
 
 START = 120.0  # s, that workers may take to start
 _RESTART = 30.0  # s, that a cluster may take to start workers again
@@ -72,6 +76,16 @@ class Refused(NamedTuple):
     text: str
 
 
+class Answer(NamedTuple):
+    """What a worker has done with a piece: one of the three."""
+
+    worker: Worker
+    evaluation: Evaluation | None = None
+    error: str | None = None
+    refused: Refused | None = None  # neither: it left the piece to others
+    seconds: float = 0.0
+
+
 _loaded: tuple[bytes, Any] | None = None  # in a worker: the last task
 _together: Any = None  # in a worker of ours: where all meet
 
@@ -87,6 +101,33 @@ def load(content: bytes, name: str) -> "Callable | Refused":
             return Refused(RuntimeError, f"the workers cannot load the task {name}: {type(error).__name__}: {error}")
         _loaded = kept
     return kept[1]
+
+
+def work_on(
+    content: bytes, name: str, work: tuple[np.ndarray, np.ndarray | None], elsewhere: frozenset, pause: float
+) -> Answer:
+    """In a worker: evaluate genotypes, with their seeds, and time it. No exception leaves it: not all can be sent."""
+    worker = this_worker()
+    if worker.among(elsewhere):
+        time.sleep(pause)  # so that others are there first when it is sent again
+        return Answer(worker)
+    task = load(content, name)
+    if isinstance(task, Refused):
+        return Answer(worker, refused=task)
+    since = time.perf_counter()
+    try:
+        result = called(task, *work)
+    except SystemExit as error:  # or the worker would end
+        return Answer(worker, error=f"it called sys.exit({error})")
+    except Exception as error:
+        return Answer(worker, error=f"{type(error).__name__}: {error}")
+    seconds = time.perf_counter() - since
+    try:
+        evaluation = as_evaluation(result, len(work[0]))
+    except ValueError as error:
+        return Answer(worker, refused=Refused(ValueError, str(error)))
+    columns: Any = (None if column is None else np.array(column) for column in evaluation)  # the task may use its own again
+    return Answer(worker, Evaluation(*columns), seconds=seconds)
 
 
 def _ready(content: bytes, name: str) -> "Worker | Refused":

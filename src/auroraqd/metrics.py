@@ -6,6 +6,7 @@ from auroraqd._checks import number, numbers, whole
 
 _EMPTY = 1e-8  # what the probability of an empty bin of the compared repertoire counts as
 _MOST_BINS = 10**8
+_MOST_SIDE = 50_000  # bins along a side of the room: pairs of squares are told apart by one whole number
 
 
 def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30, *, marginal: bool = False) -> float:
@@ -28,7 +29,7 @@ def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30, *, marginal
     Raises:
         ValueError: not two-dimensional, empty, NaN, or of different d; or a joint histogram of more than 10^8 bins.
     """
-    bins = whole("bins", bins)
+    bins = whole("bins", bins, most=_MOST_BINS)
     reference, compared = _points("reference", reference), _points("compared", compared)
     d = reference.shape[1]
     if d != compared.shape[1]:
@@ -43,6 +44,9 @@ def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30, *, marginal
 
 
 def _divergence(reference: np.ndarray, compared: np.ndarray, bins: int) -> float:
+    # By a power of two, which changes no digit, so that the width of the box is a number too.
+    scale = 2.0**-2 if np.abs(reference).max() > 2.0**1000 else 1.0
+    reference, compared = scale * reference, scale * compared
     box = list(zip(reference.min(axis=0), reference.max(axis=0), strict=True))
     e, _ = np.histogramdd(reference, bins, box)
     a, _ = np.histogramdd(compared, bins, box)
@@ -85,7 +89,7 @@ def squares(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high
 
     For the parameters, and what is raised, see `diversity`.
     """
-    bins = whole("bins", bins)
+    bins = whole("bins", bins, most=_MOST_SIDE)
     trajectories = numbers("trajectories", trajectories)
     if trajectories.ndim != 3 or trajectories.shape[2] != 2 or trajectories.shape[1] == 0:
         raise ValueError(f"trajectories must have shape (n, steps, 2) with steps >= 1, got {trajectories.shape}")
@@ -94,7 +98,8 @@ def squares(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high
     low, high = (number(name, value, least=-np.inf, wanted="a wall") for name, value in (("low", low), ("high", high)))
     if not low < high:
         raise ValueError(f"low must be below high, got {low:g} and {high:g}")
-    place = np.clip(np.floor((trajectories - low) / (high - low) * bins), 0, bins - 1).astype(np.int64)
+    inside = np.clip(trajectories, low, high) / 2 - low / 2  # halves: the room may be as wide as numbers go
+    place = np.minimum(np.floor(inside / (high / 2 - low / 2) * bins), bins - 1).astype(np.int64)
     return place[:, :, 0] * bins + place[:, :, 1]
 
 
@@ -109,13 +114,9 @@ def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) ->
         raise ValueError(
             f"observation and reconstruction must have one shape (n, ...), got {observation.shape} and {reconstruction.shape}"
         )
-    return np.sqrt(((reconstruction - observation) ** 2).mean(axis=tuple(range(1, observation.ndim))))
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite, where it is larger than numbers go
+        return np.sqrt(((reconstruction - observation) ** 2).mean(axis=tuple(range(1, observation.ndim))))
 
 
 def _points(name: str, values: np.ndarray) -> np.ndarray:
-    values = numbers(name, values)
-    if values.ndim != 2 or len(values) == 0:
-        raise ValueError(f"{name} must have shape (n, d) with n >= 1, got {values.shape}")
-    if not np.isfinite(values).all():
-        raise ValueError(f"{name} must be finite, got a NaN or an infinity")
-    return values
+    return numbers(name, values, " of shape (n, d)", axes=2, some=True, finite=True)

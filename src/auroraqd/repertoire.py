@@ -394,6 +394,8 @@ def diverse(descriptor: np.ndarray, n: int) -> np.ndarray:
     """
     if len(descriptor) == 0:
         return np.empty(0, np.int64)
+    # By a power of two, which changes no digit, so that squares do not overflow.
+    descriptor = descriptor * 0.5 ** max(int(np.frexp(np.abs(descriptor).max(initial=0))[1]) - 300, 0)
     chosen: list[int] = []
     distance = _squared(descriptor, descriptor.mean(axis=0))
     while len(chosen) < min(n, len(descriptor)) and not (chosen and distance.max() == 0):

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from math import exp, lgamma, log, pi
 
 import numpy as np
-from numba import njit
 from scipy.spatial import ConvexHull, QhullError
 
 from auroraqd._checks import number, whole
+from auroraqd._compiled import compiled
 from auroraqd.scaling import beyond
 
 _FAR = 2.0  # times as far from the middle as 99 of 100 descriptors: an archive spreads evenly, so 1.2 is what is seen
@@ -157,7 +157,7 @@ def separations(points: np.ndarray, n: int) -> np.ndarray:
     return apart
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _separations(points, first, apart):
     """Fill apart, (n - 1,): see `separations`."""
     nearest = np.full(points.shape[0], np.inf)

@@ -7,8 +7,8 @@ archive is not empty.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from auroraqd._compiled import compiled
 from auroraqd.archive import Archive
 
 
@@ -41,7 +41,7 @@ class Curiosity:
 _BLOCK = 16
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nnan", "nsz"})
+@compiled(nogil=True, fastmath={"reassoc", "nnan", "nsz"})
 def _roulette(score, spins, rows):
     """Spin a wheel with slots as wide as the scores, shifted by the lowest if it is negative.
 

@@ -100,6 +100,9 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     rng = np.random.default_rng()
     rng.bit_generator.state = values["random"]
     pending, waiting = _named("pending", arrays), _named("waiting", arrays)
+    if aurora.resolution is not None and not isinstance(archive, UnstructuredArchive):
+        raise ValueError(f"resolution is for an archive with a distance threshold l, and {type(archive).__name__} has none")
+    _check_described(archive, descriptor)
     aurora.archive, aurora._descriptor, aurora._rng = archive, descriptor, rng
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
@@ -109,6 +112,18 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     aurora._waiting = Batch(**waiting) if waiting else None
     aurora._pending = Pending(**pending, rearranged=values["rearranged"], since=time.perf_counter()) if pending else None
     return aurora
+
+
+def _check_described(archive: Archive, descriptor: Descriptor) -> None:
+    """Raise ValueError unless the descriptor gives descriptors like those that are stored."""
+    if len(archive) == 0 or not descriptor.ready:
+        return
+    truth = archive.ground_truth
+    values, _ = descriptor.describe(archive.genotype[:1], archive.observation[:1], None if truth is None else truth[:1])
+    if values.shape[1] != archive.descriptor.shape[1]:
+        raise ValueError(
+            f"descriptor must have {values.shape[1]} dimensions, as {descriptor} gives, got {archive.descriptor.shape[1]}"
+        )
 
 
 def settings_of(aurora: Aurora) -> dict[str, Any]:
@@ -141,7 +156,7 @@ def _called(source: Any) -> str:
 
 def _strategy(name: str, value: Any, module: Any) -> Any:
     """A strategy from what `as_json` made of it."""
-    if value is None:
+    if value is None and name == "resolution":
         return None
     options = dict(value) if isinstance(value, Mapping) else {"type": value}
     kind = getattr(module, str(options.pop("type", None)), None)

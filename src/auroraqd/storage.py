@@ -17,20 +17,23 @@ import os
 import platform
 import reprlib
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from auroraqd import _tensors, _transformers
+from auroraqd._checks import shown
 from auroraqd._files import as_path, folder_at, read_table, replacing
+from auroraqd._saved import check_arrays, check_values
+from auroraqd.archive import check_columns
 from auroraqd.aurora import Aurora
-from auroraqd.descriptor import OBSERVATION, Descriptor
+from auroraqd.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
 from auroraqd.history import History, Record
 from auroraqd.population import COLUMNS
 from auroraqd.provenance import made_by, task_in
@@ -42,8 +45,9 @@ CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire
 PREVIOUS = "repertoire.previous.safetensors"
 _PICTURES = ("repertoire.*", "history.*", "skills.*", "skill-*.*")  # in figures/, of what is stored
 _FORMAT = "auroraqd repertoire 2"
-_LEARNED = "learned"
+_LEARNED, _BUDGET = "learned", "generations"
 _LOW, _HIGH, _TRANSFORMER, _STATE = "scaling.low", "scaling.high", "transformer.skops", "state.json"
+_Made = TypeVar("_Made")
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba", "jax", "equinox", "optax")
 
 
@@ -88,7 +92,7 @@ def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, kee
     _write(folder / HISTORY, _history_csv(aurora.history.records))
     if keep:
         _keep(folder)
-    arrays, kind = _contents(aurora)
+    arrays, kind = _contents(aurora, config)
     _tensors.write(folder / REPERTOIRE, arrays, _FORMAT, kind)
     write_config(aurora, folder, config)
     for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
@@ -129,9 +133,13 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
         UserWarning: it is damaged, and the checkpoint before it is taken.
     """
     trusted = _checked_trust(trusted)
-    arrays, kind = _read(folder)
-    columns = {name: arrays.pop(name) for name in COLUMNS if name in arrays}
-    return Repertoire(columns, _Origin(as_path("folder", folder).absolute(), kind, arrays, trusted))
+
+    def repertoire(arrays: dict[str, np.ndarray], kind: str) -> Repertoire:
+        columns = {name: arrays.pop(name) for name in COLUMNS if name in arrays}
+        check_columns(columns)
+        return Repertoire(columns, _Origin(as_path("folder", folder).absolute(), kind, arrays, trusted))
+
+    return _read(folder, repertoire)
 
 
 @dataclass(frozen=True)
@@ -144,10 +152,10 @@ class _Origin:
     trusted: Sequence[str]
 
     def descriptor(self) -> Descriptor:
-        return _descriptor(self.kind, self.arrays, self.trusted)
+        return _descriptor(self.kind, self.arrays, _values(self.arrays), self.trusted)
 
     def seed(self) -> int:
-        return json.loads(self.arrays[_STATE].tobytes())["seed"]
+        return _values(self.arrays)["seed"]
 
     def config(self) -> dict[str, Any]:
         return load_config(self.folder)
@@ -184,18 +192,19 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
         if not (callable(parts[name]) and not isinstance(parts[name], type)) and (name, parts[name]) != ("resolution", None):
             raise TypeError(f"{name} must be callable, an instance and not a class, got {parts[name]!r}")
     trusted = _checked_trust(trusted)
-    arrays, kind = _read(folder)
-    config = load_config(folder) if (Path(folder) / CONFIG).is_file() or not any_environment else {}
-    if not any_environment:
-        _check_environment(folder, config.get("environment", {}))
-    try:
-        state = State(json.loads(arrays[_STATE].tobytes()), arrays)
-        aurora = restored(state, _descriptor(kind, arrays, trusted), _seconds(Path(folder)), parts)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"{os.fspath(folder)} does not hold what a run needs to go on: {error!r}") from error
-    except ValueError as error:
-        raise ValueError(f"{os.fspath(folder)} cannot go on: {error}") from error
-    aurora._task = aurora._earlier_task = task_in(config)
+    _existing(folder)
+    if not any_environment and ((path := Path(folder)) / REPERTOIRE).is_file() | (path / PREVIOUS).is_file():
+        _check_environment(folder, load_config(folder).get("environment", {}))
+
+    def run(arrays: Mapping[str, np.ndarray], kind: str) -> Aurora:
+        values = _values(arrays)
+        check_arrays(values, arrays)
+        descriptor = _descriptor(kind, arrays, values, trusted)
+        return restored(State(values, dict(arrays)), descriptor, _seconds(Path(folder)), parts)
+
+    aurora = _read(folder, run, "cannot go on")
+    with suppress(OSError, ValueError):  # without, nobody can say whether the task is the same
+        aurora._task = aurora._earlier_task = task_in(load_config(folder))
     return aurora
 
 
@@ -208,11 +217,23 @@ def whose(folder: Path) -> tuple[dict[str, Any], int]:
         FileNotFoundError: there is none.
         ValueError: it is damaged, or of another format.
     """
-    (arrays, _), error = _last(folder)
+    values, error = _last(folder, lambda arrays, _: _values(arrays))
     if error is not None:
         (folder / PREVIOUS).replace(folder / REPERTOIRE)
-    values = json.loads(arrays[_STATE].tobytes())
     return values["settings"], values["generation"]
+
+
+def changed(folder: Path, config: Mapping[str, Any]) -> list[str]:
+    """What differs between these settings and those that the last checkpoint was saved with, in words.
+
+    Args:
+        folder: of the run.
+        config: as `save` takes it. Of what it is silent about, and of how many generations there are to be, nothing is said.
+    """
+    before, _ = _last(folder, lambda arrays, _: _values(arrays).get("config", {}))
+    now = json.loads(json.dumps(config))
+    names = [name for name in before if name in now and before[name] != now[name]]
+    return [f"{name} {shown(now[name])} and not {shown(before[name])}" for name in names]
 
 
 def load_config(folder: str | os.PathLike) -> dict[str, Any]:
@@ -225,7 +246,7 @@ def load_config(folder: str | os.PathLike) -> dict[str, Any]:
     path = _existing(folder, CONFIG)
     try:
         config = json.loads(path.read_text())
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
     if not isinstance(config, dict):
         raise ValueError(f"{path} must hold a JSON object")
@@ -254,7 +275,9 @@ def environment() -> Mapping[str, Any]:
     }
 
 
-def _check_environment(folder: str | os.PathLike, before: Mapping[str, Any]) -> None:
+def _check_environment(folder: str | os.PathLike, before: Any) -> None:
+    if not isinstance(before, Mapping):
+        raise ValueError(f"{Path(folder) / CONFIG} must hold an object as environment, got {shown(before)}")
     now = environment()
     differ = [f"{name} {before.get(name)} and not {now[name]}" for name in now if before.get(name) != now[name]]
     if differ:
@@ -264,26 +287,50 @@ def _check_environment(folder: str | os.PathLike, before: Mapping[str, Any]) -> 
         )
 
 
-def _read(folder: str | os.PathLike) -> tuple[dict[str, np.ndarray], str]:
-    """The last checkpoint that is whole, and what kind of descriptor it has; with a warning if it is not the last."""
-    contents, error = _last(folder)
+def _read(folder: str | os.PathLike, made: Callable[..., _Made], trouble: str = "is damaged") -> _Made:
+    """What is made of the last checkpoint that is whole; with a warning if it is not the last."""
+    result, error = _last(folder, made, trouble)
     if error is not None:
         warnings.warn(f"{error}; the checkpoint before it is taken", stacklevel=3)
-    return contents
+    return result
 
 
-def _last(folder: str | os.PathLike) -> tuple[tuple[dict[str, np.ndarray], str], Exception | None]:
-    """The last checkpoint that is whole, and what is wrong with the one after it, if there is one."""
+def _last(folder: str | os.PathLike, made: Callable[..., _Made], trouble: str = "is damaged") -> tuple[_Made, Exception | None]:
+    """What is made of the last checkpoint, its arrays and kind, and what is wrong with the one after it, if there is one."""
+
+    def read(path: Path) -> _Made:
+        arrays, kind = _tensors.read(path, _FORMAT)
+        try:
+            return made(arrays, kind)
+        except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+            raise ValueError(f"{path} does not hold what a run needs: {error!r}") from error
+        except ValueError as error:
+            raise ValueError(f"{path} {trouble}: {error}") from error
+
     previous = as_path("folder", folder) / PREVIOUS
     try:
-        return _tensors.read(_existing(folder, REPERTOIRE), _FORMAT), None
+        return read(_existing(folder, REPERTOIRE)), None
     except (ValueError, FileNotFoundError) as error:
         if not previous.is_file():
             raise
         try:
-            return _tensors.read(previous, _FORMAT), error
+            return read(previous), error
         except ValueError:
             raise error from None
+
+
+def _values(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """The values of the state in a checkpoint, of the right kinds.
+
+    Raises:
+        ValueError: they are damaged.
+    """
+    try:
+        values = json.loads(arrays[_STATE].tobytes())
+    except (KeyError, ValueError, RecursionError) as error:
+        raise ValueError(f"its state cannot be read: {error!r}") from None
+    check_values(values)
+    return values
 
 
 def _seconds(folder: Path) -> dict[int, float]:
@@ -301,10 +348,12 @@ def _history_csv(records: Sequence[Record]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _contents(aurora: Aurora) -> tuple[dict[str, np.ndarray], str]:
+def _contents(aurora: Aurora, config: Mapping[str, Any] | None) -> tuple[dict[str, np.ndarray], str]:
     """The arrays of a checkpoint, and the kind of the descriptor."""
     descriptor, state = aurora.descriptor, state_of(aurora)
-    arrays = {**state.arrays, _STATE: np.frombuffer(json.dumps(state.values).encode(), np.uint8)}
+    # How far a run is to go is no part of what it is.
+    kept = {} if config is None else {"config": {name: value for name, value in config.items() if name != _BUDGET}}
+    arrays = {**state.arrays, _STATE: np.frombuffer(json.dumps({**state.values, **kept}).encode(), np.uint8)}
     if descriptor.scaling is not None:
         arrays[_LOW], arrays[_HIGH] = descriptor.scaling
     if isinstance(descriptor.source, str):
@@ -320,24 +369,35 @@ def _contents(aurora: Aurora) -> tuple[dict[str, np.ndarray], str]:
     return arrays, _LEARNED
 
 
-def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], trusted: Sequence[str]) -> Descriptor:
+def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], values: Mapping[str, Any], trusted: Sequence[str]) -> Descriptor:
+    """The descriptor of a checkpoint, whose values have been checked.
+
+    Raises:
+        ValueError: it was not saved, is damaged, or of a type that is not trusted.
+    """
     if kind == _LEARNED:
         if _TRANSFORMER not in arrays:
             raise ValueError("the repertoire was saved without its transformer")
         descriptor = Descriptor(_transformers.loaded(arrays[_TRANSFORMER].tobytes(), trusted))
-    else:
+        if not isinstance(descriptor.source, Transformer):
+            raise ValueError(f"the descriptor must have fit and transform, and is {shown(descriptor.source)}")
+    elif kind in NAMES:
         descriptor = Descriptor(kind)
+    else:
+        raise ValueError(f"the descriptor must be one of {', '.join(NAMES)}, or learned, got {shown(kind)}")
     if _LOW not in arrays or (kind != _LEARNED and kind != OBSERVATION):
         return descriptor
-    shape = tuple(json.loads(arrays[_STATE].tobytes())["shape"])
-    return descriptor.restored(Scaling(arrays[_LOW], arrays[_HIGH]), shape)
+    try:
+        return descriptor.restored(Scaling(arrays[_LOW], arrays[_HIGH]), tuple(values["shape"]))
+    except Exception as error:  # of what somebody wrote, anything
+        raise ValueError(f"the descriptor is damaged: {type(error).__name__}: {error}") from None
 
 
-def _existing(folder: str | os.PathLike, name: str) -> Path:
+def _existing(folder: str | os.PathLike, name: str = "") -> Path:
     if not as_path("folder", folder).is_dir():
         raise FileNotFoundError(f"there is no folder {os.fspath(folder)}")
     path = Path(folder) / name
-    if not path.is_file():
+    if name and not path.is_file():
         raise FileNotFoundError(f"{os.fspath(folder)} is no run folder: there is no {name} in it")
     return path
 

@@ -18,6 +18,7 @@ from auroraqd.descriptor import Descriptor, DescriptorError
 from auroraqd.scaling import far_outside
 
 FIRST_FITS = 10  # times that a first fit is tried again, with ever more individuals
+_LONGEST = 20  # doublings of the time to wait: more than any run has
 _ROUNDING = 1e-10  # spread, as a share of the size of the numbers, that is none
 _NARROW = 1e-9  # likewise of a dimension beside the widest
 
@@ -34,7 +35,7 @@ class Attempts(NamedTuple):
 
     def after(self, generation: int) -> Attempts:
         """One more was refused in this generation: the next is due in 1, 2, 4, ... generations."""
-        return Attempts(self.refused + 1, generation + 2**self.refused)
+        return Attempts(self.refused + 1, generation + 2 ** min(self.refused, _LONGEST))
 
 
 class Update(NamedTuple):

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
 from auroraqd._checks import number
+from auroraqd._compiled import compiled
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _mutated(shape: tuple[int, int], rate: float, at_least_one: bool, rng: np.ra
     return mutated
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _fill(mutated, spins):
     """Choose a gene in each row of (n, n_genes) bool that has none, by its spin, (n,) in [0, 1)."""
     for i in range(mutated.shape[0]):
@@ -115,7 +115,7 @@ def _fill(mutated, spins):
             mutated[i, int(spins[i] * mutated.shape[1])] = True
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _step(genes, mutated, spins, exponent):
     """Change the genes that mutate, (n, n_genes), each by one spin in [0, 1), row by row, and no farther than to 0 or 1."""
     drawn = 0

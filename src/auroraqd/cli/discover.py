@@ -4,7 +4,7 @@ import copy
 import os
 import signal
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,19 +18,19 @@ from auroraqd.cli._shared import (
     JobsOption,
     OverwriteOption,
     SchedulerOption,
+    TimeoutOption,
     UserError,
     busy,
     console,
     errors,
-    executor_factory,
+    spreading,
     warnings_said,
 )
 from auroraqd.cli.show import report
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from auroraqd.aurora import Aurora
+    from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
 
 OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
@@ -97,6 +97,7 @@ def run(
     ] = True,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
@@ -128,7 +129,7 @@ def run(
         robust=robust,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
-    _run(settings, out, overwrite, figures, checkpoint_every, executor_factory(jobs, scheduler))
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
 
 
 def repeat(
@@ -137,12 +138,13 @@ def repeat(
     overwrite: OverwriteOption = False,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start."""
     settings = _settings_in(folder)
-    _run(settings, out, overwrite, figures, checkpoint_every, executor_factory(jobs, scheduler))
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
 
 
 def resume(
@@ -155,6 +157,7 @@ def resume(
     ] = False,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
+    timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
@@ -175,10 +178,8 @@ def resume(
             task, aurora = settings.build()
     if getattr(task, "n_genes", None) != aurora.n_genes:
         raise UserError(f"task {settings.task} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
-    given = {name: getattr(settings, name) for name in ("seed", "batch_size", "selection", "variation", "schedule")}
-    differ = [
-        f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
-    ]
+    differ = _differences(settings, aurora) + (storage.changed(folder, settings.as_json()) if aurora.generation else [])
+    differ = list({text.split()[0]: text for text in reversed(differ)}.values())
     if differ:
         raise UserError(f"{folder}/config.json has been changed, {', '.join(differ)}: the run cannot go on with it")
     if aurora.generation >= settings.generations:
@@ -186,7 +187,16 @@ def resume(
             f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
             "--generations with a larger number goes on"
         )
-    _grow(task, aurora, settings, folder, figures, checkpoint_every, executor_factory(jobs, scheduler))
+    _grow(task, aurora, settings, folder, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
+
+
+def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
+    """What differs between settings and a run, in words, as far as the run itself says."""
+    names = ["seed", "batch_size", "selection", "variation", "schedule"]
+    given = {name: getattr(settings, name) for name in names}
+    return [
+        f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
+    ]
 
 
 def _settings_in(folder: Path) -> "Settings":
@@ -212,12 +222,12 @@ def _run(
     overwrite: bool,
     figures: bool,
     every: float = 10.0,
-    factory: "Callable[[], Executor] | None" = None,
+    spread_over: "Callable[[Any], Spread] | None" = None,
 ) -> None:
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, every, factory, overwrite=overwrite)
+    _grow(task, aurora, settings, out, figures, every, spread_over, overwrite=overwrite)
 
 
 def _grow(
@@ -227,13 +237,13 @@ def _grow(
     out: Path,
     figures: bool,
     every: float,
-    factory: "Callable[[], Executor] | None",
+    spread_over: "Callable[[Any], Spread] | None",
     *,
     overwrite: bool = False,
 ) -> None:
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
+    from auroraqd._compiled import compiling
     from auroraqd.checkpoints import LOCK, Checkpoints
-    from auroraqd.evaluate import over
     from auroraqd.progress import RunProgress, training_told
 
     failure: BaseException | None = None
@@ -252,11 +262,12 @@ def _grow(
     )
     with checkpoints:
         try:
-            with busy("compiling kernels, which takes some 10 s the first time", log=True):
+            slow = "compiling kernels, which takes some 10 s the first time"
+            with ExitStack() as said, compiling(lambda: said.enter_context(busy(slow, log=True))):
                 compile_kernels(settings)
             progress = RunProgress(console, settings.generations, aurora.evaluations)
-            told = training_told(aurora.descriptor.transformer, progress)
-            with progress, told, nullcontext(task) if factory is None else over(factory, task) as spread:
+            workers = nullcontext(task) if spread_over is None else spread_over(task)
+            with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
                 aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from auroraqd.cli._shared import FiguresOption, UserError, busy, console
+from auroraqd.cli._shared import FiguresOption, UserError, busy, console, warnings_said
 
 
 def show(
@@ -98,7 +98,8 @@ def report(folder: Path, figures: bool) -> None:
         from auroraqd.report import write_figures
 
         try:
-            files += write_figures(folder)
+            with warnings_said():
+                files += write_figures(folder)
         except OSError as error:  # what was found is shown all the same
             trouble = error
     table = Table(show_header=False, box=None, pad_edge=False)

@@ -1,7 +1,11 @@
 """Figures, made from stored runs only, and videos of robots."""
 
-from auroraqd.report.experiment import write_report
-from auroraqd.report.robots import film
-from auroraqd.report.run import history_figure, repertoire_figure, write_figures
+from auroraqd._caches import place_for_matplotlib
+
+place_for_matplotlib()  # which the modules below import
+
+from auroraqd.report.experiment import write_report  # noqa: E402
+from auroraqd.report.robots import film  # noqa: E402
+from auroraqd.report.run import history_figure, repertoire_figure, write_figures  # noqa: E402
 
 __all__ = ["film", "history_figure", "repertoire_figure", "write_figures", "write_report"]

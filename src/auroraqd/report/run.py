@@ -3,7 +3,8 @@
 An individual has one colour in all panels, given by its place in ground-truth space, so that places correspond.
 """
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,18 +32,33 @@ def write_figures(folder: str | Path) -> list[Path]:
     Raises:
         FileNotFoundError, ValueError: see `auroraqd.load`.
         OSError: they cannot be written.
+
+    Warns:
+        UserWarning: a figure could not be drawn, and is left out.
     """
     repertoire, records = storage.load(folder), storage.load_history(folder)
+    config = storage.load_config(folder)
     target = folder_at(Path(folder) / storage.FIGURES)
-    figures = {"history": history_figure(records)}
+    figures: dict[str, Callable[[], Figure]] = {"history": lambda: history_figure(records)}
     if len(repertoire):
-        figures = {"repertoire": repertoire_figure(repertoire), **figures}
-    if len(repertoire) and np.ptp(repertoire.fitness) > 0:  # a constant fitness is for pure exploration
-        figures["fitness"] = fitness_figure(repertoire)
+        figures = {"repertoire": lambda: repertoire_figure(repertoire), **figures}
+    if len(repertoire) and repertoire.fitness.min() < repertoire.fitness.max():  # a constant one is for pure exploration
+        figures["fitness"] = lambda: fitness_figure(repertoire)
     if has_trajectories(repertoire):
-        scene = scene_of(storage.load_config(folder), repertoire)
-        figures["skills"] = skills_figure(repertoire, scene, repertoire.sample(SHEET))
-    return [path for name, figure in figures.items() for path in save_figure(figure, target, name)]
+        figures["skills"] = lambda: skills_figure(repertoire, scene_of(config, repertoire), repertoire.sample(SHEET))
+    return [path for name, draw in figures.items() for path in _drawn(name, draw, target)]
+
+
+def _drawn(name: str, draw: Callable[[], Figure], target: Path) -> list[Path]:
+    """The files of a figure; none, and a warning, if it cannot be drawn: numbers may be too large for Matplotlib."""
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            return save_figure(draw(), target, name)
+    except OSError:
+        raise
+    except Exception as error:
+        warnings.warn(f"the figure {name} could not be drawn: {error}", stacklevel=3)
+        return []
 
 
 def repertoire_figure(repertoire: Repertoire) -> Figure:
@@ -56,7 +72,7 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
     panels = [("Descriptor space", _draw_descriptors)]
     if truth is not None and truth.ndim == 2 and truth.shape[1] >= 2:
         panels.append(("Ground truth", _draw_truth))
-        colors, key = two_dimensional_colors(truth[:, :2]), "ground truth"
+        colors, key = two_dimensional_colors(truth[:, :2].astype(np.float64)), "ground truth"
     else:
         colors, key = two_dimensional_colors(_plane(repertoire)), "descriptor space"
     if has_trajectories(repertoire):
@@ -155,8 +171,9 @@ def _draw_truth(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
 def _draw_trajectories(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
     n = len(repertoire)
     shown = np.random.default_rng(0).permutation(n)[:_MOST_TRAJECTORIES]
-    trajectories(axes, repertoire.observation[shown], colors[shown])
-    width, height = np.ptp(repertoire.observation[shown].reshape(-1, 2), axis=0)
+    paths = repertoire.observation[shown].astype(np.float64)
+    trajectories(axes, paths, colors[shown])
+    width, height = np.ptp(paths.reshape(-1, 2), axis=0)
     if 1 / 3 < width / max(height, 1e-300) < 3:  # a wide or a tall picture would be unreadable
         axes.set_aspect("equal")
     axes.set(xlabel="x", ylabel="y")

@@ -53,7 +53,7 @@ def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
     if str(config.get("task")).partition(":")[0] == "air-hockey" or importable(config) == _AIR_HOCKEY:
         wall = np.full(2, air_hockey.WALL)
         return Scene(-wall, wall, walls=True, radius=air_hockey.PUCK, start=np.array(air_hockey.START), arm=air_hockey.joints)
-    low, high = observation.min(axis=(0, 1)), observation.max(axis=(0, 1))
+    low, high = (ends.astype(np.float64) for ends in (observation.min(axis=(0, 1)), observation.max(axis=(0, 1))))
     margin = 0.03 * np.maximum(high - low, 1e-9)
     return Scene(low - margin, high + margin)
 

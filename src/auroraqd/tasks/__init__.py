@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from auroraqd._checks import numeric
+
 
 class Evaluation(NamedTuple):
     """What n individuals did.
@@ -104,17 +106,14 @@ def checked(evaluation: Evaluation, n: int) -> Evaluation:
         )
     if observation[0].size == 0:
         raise ValueError(f"observation must have entries, got shape {observation.shape}")
-    truth = evaluation.ground_truth
-    return Evaluation(fitness.astype(np.float64), observation, None if truth is None else _rows("ground_truth", truth, n))
+    truth = None if evaluation.ground_truth is None else _rows("ground_truth", evaluation.ground_truth, n)
+    if truth is not None and truth[0].size == 0:
+        raise ValueError(f"ground_truth must have entries, got shape {truth.shape}")
+    return Evaluation(fitness.astype(np.float64), observation, truth)
 
 
 def _rows(name: str, values: Any, n: int) -> np.ndarray:
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ValueError(f"{name} must be an array with rows of one shape") from None
-    if array.dtype.kind not in "biuf" or array.dtype.itemsize > 8:
-        raise ValueError(f"{name} must be numbers of at most 64 bits, got dtype {array.dtype}")
+    array = numeric(name, values)
     if array.ndim == 0 or len(array) != n:
         raise ValueError(f"{name} must have {n} rows, one for each genotype, got shape {array.shape}")
     return array

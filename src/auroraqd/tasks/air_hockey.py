@@ -14,10 +14,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from auroraqd import tasks
 from auroraqd._checks import number, numbers
+from auroraqd._compiled import compiled
 
 STEPS = 50
 """Points of a trajectory, the first after 0.1 s."""
@@ -107,7 +107,7 @@ def joints(genotypes: np.ndarray, steps: int = STEPS) -> np.ndarray:
     return np.concatenate([np.zeros((len(genotypes), steps, 1, 2)), np.cumsum(links, axis=2)], axis=2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _push(start, change, threshold, observation):
     """Fill paths of the puck, (n, STEPS, 2), for movements of the arm, (n, JOINTS) each."""
     arm = np.empty((_BODIES, 7))
@@ -116,7 +116,7 @@ def _push(start, change, threshold, observation):
         _one(start[i], change[i], threshold, arm, puck, observation[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _one(start, change, threshold, arm, puck, path):
     """One puck: x, y, their speeds and spin in `puck`, the arm in `arm`, see `_pose`."""
     puck[0], puck[1] = START
@@ -147,7 +147,7 @@ def _one(start, change, threshold, arm, puck, path):
         path[k, 1] = puck[1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _advance(start, change, bound, time, end, threshold, arm, puck):
     """Contacts now, then a straight line for as long as there can be none; returns the new time."""
     share = _share(time)
@@ -169,13 +169,13 @@ def _advance(start, change, bound, time, end, threshold, arm, puck):
     return end if step >= end - time else time + max(step, 1e-9)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _share(time):
     """The share of the movement done after a time."""
     return 1 - math.exp(-RATE * time)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _bound(change):
     """How far the whole movement can move any point of the arm: every joint turns all links after it."""
     total = turned = 0.0
@@ -185,7 +185,7 @@ def _bound(change):
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _pose(start, change, share, arm):
     """The arm when a share of its movement is done, a line for each link and for the tip.
 
@@ -204,12 +204,12 @@ def _pose(start, change, share, arm):
     _set(arm[JOINTS], x, y, 1.0, 0.0, dx, dy, turned)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _set(line, x, y, c, s, dx, dy, turned):
     line[0], line[1], line[2], line[3], line[4], line[5], line[6] = x, y, c, s, dx, dy, turned
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _separation(body, is_tip, px, py):
     """The gap between a body and the puck, negative where they overlap, and the normal from the body to the puck."""
     x, y = px - body[0], py - body[1]
@@ -232,7 +232,7 @@ def _separation(body, is_tip, px, py):
     return gap, nx * c - ny * s, nx * s + ny * c
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _gap(arm, x, y):
     """From the puck to the nearest part of the arm."""
     least = np.inf
@@ -241,7 +241,7 @@ def _gap(arm, x, y):
     return least
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _contacts(arm, rate, threshold, puck):
     """Move the puck out of what it overlaps, and let it bounce; returns the smallest gap there was.
 
@@ -262,7 +262,7 @@ def _contacts(arm, rate, threshold, puck):
     return least
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _walls(threshold, puck):
     """Bounces off the walls."""
     for axis in range(2):
@@ -272,7 +272,7 @@ def _walls(threshold, puck):
                 bounce(puck, -side * (1 - axis), -side * axis, 0.0, 0.0, threshold)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def bounce(puck, nx, ny, u, v, threshold):
     """An impact of the puck on a body too heavy to be moved by it, with restitution and Coulomb friction.
 

@@ -6,10 +6,10 @@ Constants are those of the authors' re-released example: mass 1 kg, steps of 1 s
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from auroraqd import tasks
 from auroraqd._checks import numbers
+from auroraqd._compiled import compiled
 
 STEPS = 50
 """Points of a trajectory, the first at the origin."""
@@ -84,7 +84,7 @@ def _trajectories(along: np.ndarray, up: np.ndarray) -> np.ndarray:
 _LANES = 16  # throws that fly side by side
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _fly(along, up, trajectory):
     """Fill trajectories, (n, STEPS, 2), from the two components of the force, (n,) each: semi-implicit Euler, 1 s steps.
 
@@ -116,7 +116,7 @@ def _fly(along, up, trajectory):
                 trajectory[start + i, step, 1] = path[step, 1, i]
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _top(along, up):
     """The top of the first arc between the samples, of which the highest lies up to g / 8 above and half a step aside."""
     top = np.empty((len(along), 2))

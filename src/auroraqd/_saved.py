@@ -1,0 +1,205 @@
+"""What the state in a checkpoint must be, before anything is made of it: names, kinds, ranges, and shapes against each other.
+
+A file with the right checksum may still have been made by somebody else, or by a mistake.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from auroraqd._checks import number, shown, whole
+from auroraqd.history import Record
+
+_MOST = 2**53  # of what is counted: beyond it, floats leave numbers out
+_MOST_ENTRIES = 10**8  # of an observation
+_STATUSES = ("rejected", "new", "replaced", "invalid")
+_GENERATOR = {
+    "state": 2**128 - 1,
+    "inc": 2**128 - 1,
+    "has_uint32": 1,
+    "uinteger": 2**32 - 1,
+}  # of PCG64, and how large they are
+
+
+def check_values(values: Any) -> None:
+    """Raise ValueError unless these are the values of a state; those that earlier versions lack may be missing."""
+    _object("the state", values)
+    for name, check in {**_VALUES, **{name: check for name, check in _SINCE.items() if name in values}}.items():
+        if name not in values:
+            raise ValueError(f"the state has no {name}")
+        check(name, values[name])
+
+
+def check_arrays(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Raise ValueError unless the arrays beside the columns fit each other, and the values, which have been checked.
+
+    Args:
+        values: of a state.
+        arrays: of the checkpoint, by name.
+    """
+    _check_history(values, arrays)
+    _check_observations(values, arrays)
+    for prefix in ("pending", "waiting"):
+        names = [name for name in arrays if name.startswith(f"{prefix}.")]
+        if names:
+            _check_individuals(prefix, {name.partition(".")[2]: arrays[name] for name in names}, values["n_genes"])
+    if any(name.startswith("pending.") for name in arrays) != (values["rearranged"] is not None):
+        raise ValueError("rearranged must be known of individuals that were asked for, and of no others")
+    stored = arrays.get("genotype")
+    if stored is not None and len(stored) and stored.shape[1:] != (values["n_genes"],):
+        raise ValueError(f"genotype must have shape (n, {values['n_genes']}), got {stored.shape}")
+
+
+def check_array(
+    name: str, array: Any, axes: int | None = None, dtype: type | None = None, finite: bool = False, n: int | None = None
+) -> None:
+    """Raise ValueError unless it is an array of numbers like this; None: any."""
+    if array is None:
+        raise ValueError(f"{name} is missing")
+    if array.dtype != dtype if dtype is not None else array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be {'numbers' if dtype is None else dtype.__name__}, got {array.dtype}")
+    if array.ndim == 0 or axes not in (None, array.ndim) or n not in (None, len(array)):
+        wanted = "rows" if axes is None else f"{axes} axes"
+        raise ValueError(f"{name} must have {wanted}{'' if n is None else f', {n} in all'}, got shape {array.shape}")
+    if finite and not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite, got a NaN or an infinity")
+
+
+def _check_history(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    history = arrays.get("history")
+    check_array("history", history, axes=2, dtype=np.float64)
+    assert history is not None
+    names = [name for name in Record._fields if name != "seconds"][: history.shape[1]]  # earlier versions had fewer
+    if len(history) == 0:
+        if values["generation"]:
+            raise ValueError(f"history must have records until generation {values['generation']}, got none")
+        return
+    if history.shape[1] != len(names) or "invalid" not in names:
+        raise ValueError(f"history must have a column for each field of a record, got {history.shape[1]}")
+    counts = history[:, [i for i, name in enumerate(names) if Record.__annotations__[name] in (int, "int")]]
+    if not ((counts >= 0) & (counts <= _MOST) & (counts == np.floor(counts))).all():
+        raise ValueError("history must count in whole numbers, 0 or more")
+    if not (np.diff(history[:, 0]) > 0).all() or history[-1, 0] != values["generation"]:
+        raise ValueError(f"history must go up to generation {values['generation']}, one record after the other")
+
+
+def _check_observations(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """The shape that the descriptor was fitted on, its scaling, and the observations that are stored."""
+    low, high, stored = arrays.get("scaling.low"), arrays.get("scaling.high"), arrays.get("observation")
+    if low is None and high is None:
+        return
+    shape = tuple(values["shape"])
+    channels = shape[-1] if shape else 1
+    for name, bounds in (("scaling.low", low), ("scaling.high", high)):
+        check_array(name, bounds, axes=1, dtype=np.float64, finite=True, n=channels)
+    if stored is not None and len(stored) and stored.shape[1:] != shape:
+        raise ValueError(f"shape must be that of the observations stored, {stored.shape[1:]}, got {shape}")
+
+
+def _check_individuals(prefix: str, columns: Mapping[str, np.ndarray], n_genes: int) -> None:
+    """Individuals on their way into the archive."""
+    genotype = columns.get("genotype")
+    check_array(f"{prefix}.genotype", genotype, axes=2, dtype=np.float64, finite=True)
+    assert genotype is not None
+    least = 1 if prefix == "pending" else 0
+    if len(genotype) < least or genotype.shape[1] != n_genes or not ((genotype >= 0) & (genotype <= 1)).all():
+        raise ValueError(f"{prefix}.genotype must have shape (n, {n_genes}), in [0, 1], got shape {genotype.shape}")
+    for name in ("parent_id", "parent_row"):
+        check_array(f"{prefix}.{name}", columns.get(name), axes=1, dtype=np.int64, n=len(genotype))
+    if "born" in columns:  # not in files of version 0.2.0
+        check_array(f"{prefix}.born", columns["born"], axes=1, dtype=np.int64, n=len(genotype))
+    if prefix == "waiting":
+        check_array("waiting.fitness", columns.get("fitness"), axes=1, dtype=np.float64, finite=True, n=len(genotype))
+        check_array("waiting.observation", columns.get("observation"), finite=True, n=len(genotype))
+        if "ground_truth" in columns:
+            check_array("waiting.ground_truth", columns["ground_truth"], n=len(genotype))
+
+
+def _object(name: str, value: Any) -> None:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name} must be an object, got {shown(value)}")
+
+
+def _true_or_false(name: str, value: Any) -> None:
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} must be true or false, got {shown(value)}")
+
+
+def _count(name: str, value: Any) -> None:
+    whole(name, value, least=0, most=_MOST)
+
+
+def _or_none(check: Callable[[str, Any], Any], name: str, value: Any) -> None:
+    if value is not None:
+        check(name, value)
+
+
+def _counts(name: str, value: Any) -> None:
+    _object(name, value)
+    if sorted(value) != sorted(_STATUSES):
+        raise ValueError(f"{name} must count {', '.join(_STATUSES)}, got {shown(sorted(value))}")
+    for status, count in value.items():
+        _count(f"{name} {status}", count)
+
+
+def _settings(name: str, value: Any) -> None:
+    _object(name, value)
+    for part in ("selection", "variation", "resolution", "schedule"):
+        if part not in value:
+            raise ValueError(f"{name} has no {part}")
+    _object(f"archive of the {name}", value.get("archive"))
+
+
+def _generator(name: str, value: Any) -> None:
+    """The state of NumPy's default generator of random numbers."""
+    _object(name, value)
+    if value.get("bit_generator") != "PCG64":
+        raise ValueError(f"{name} must be of PCG64, got {shown(value.get('bit_generator'))}")
+    _object(f"state of {name}", value.get("state"))
+    for part, most in _GENERATOR.items():
+        holder = value if part.endswith(("uint32", "uinteger")) else value["state"]
+        whole(f"{part} of {name}", holder.get(part), least=0, most=most)
+
+
+def _shape(name: str, value: Any) -> None:
+    if not isinstance(value, list):
+        raise ValueError(f"{name} must be whole numbers, got {shown(value)}")
+    entries = 1
+    for extent in value:
+        entries *= whole(name, extent, most=_MOST_ENTRIES)
+        if entries > _MOST_ENTRIES:
+            raise ValueError(f"{name} must be of at most {_MOST_ENTRIES:,} entries, got {shown(value)}")
+
+
+def _attempts(name: str, value: Any) -> None:
+    if not isinstance(value, list) or len(value) != 2:
+        raise ValueError(f"{name} must be two numbers, got {shown(value)}")
+    whole(name, value[0], least=0, most=10_000)  # the next comes after two to the power of it
+    _or_none(partial(whole, least=0), name, value[1])
+
+
+_VALUES: dict[str, Callable[[str, Any], Any]] = {
+    "n_genes": partial(whole, most=_MOST),
+    "batch_size": partial(whole, most=_MOST),
+    "generation": _count,
+    "evaluations": _count,
+    "seed": partial(whole, least=0),
+    "_refits": _true_or_false,
+    "_update_due": _true_or_false,
+    "_counts": _counts,
+    "settings": _settings,
+    "random": _generator,
+    "archive": _object,
+    "history_gap": partial(whole, most=_MOST),
+    "shape": _shape,
+    "rearranged": partial(_or_none, _count),
+}
+_SINCE: dict[str, Callable[[str, Any], Any]] = {  # what files of version 0.2.0, or runs from Python, lack
+    "robust": _true_or_false,
+    "survival": partial(number, most=1, wanted="a share, from 0 to 1"),
+    "_refused": _count,
+    "attempts": _attempts,
+    "config": _object,
+}
