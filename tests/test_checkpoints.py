@@ -40,7 +40,9 @@ def run(*arguments):
 def without_times(folder):
     """All files of a run folder that say what was found."""
     history = [line.rpartition(",")[0] for line in (folder / "history.csv").read_text().splitlines()]
-    return (folder / "repertoire.safetensors").read_bytes(), history, json.loads((folder / "config.json").read_text())
+    config = json.loads((folder / "config.json").read_text())
+    del config["provenance"]  # the command and the time
+    return (folder / "repertoire.safetensors").read_bytes(), history, config
 
 
 MOMENTS = {

@@ -23,6 +23,7 @@ from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, Unstruct
 from auroraqd.batch import Batch, Pending
 from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.history import History, Record
+from auroraqd.provenance import changed, described
 from auroraqd.resolution import VAT, Automatic
 from auroraqd.schedule import Doubling
 from auroraqd.selection import Curiosity
@@ -124,6 +125,8 @@ class Aurora:
         self._pending: Pending | None = None
         self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
+        self._task: dict[str, Any] | None = None  # what it was, as `auroraqd.provenance` describes it
+        self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
 
     def __repr__(self) -> str:
         return f"Aurora(generation={self.generation}, evaluations={self.evaluations}, archive={self.archive!r})"
@@ -267,11 +270,15 @@ class Aurora:
             DescriptorError: the descriptor could not be fitted or does not describe.
             TypeError: the task cannot be called.
             ValueError: no budget, or a negative one.
+
+        Warns:
+            UserWarning: the run was resumed, and the task, its arguments or its code are others than before.
         """
         _check_callable("task", task)
         budget = _Budget(self, generations, evaluations, seconds, until_generation)
         callbacks = _callbacks(callback)
         known = None if initial is None else self._checked_genotypes(initial)
+        self._remember(task)
         with _shown(self, budget) if progress else nullcontext() as show:
             self._run(task, budget, known, callbacks if show is None else [*callbacks, show])
         return self
@@ -292,6 +299,14 @@ class Aurora:
             self._check_progress(task)
             if any([_is_true(callback(self)) for callback in callbacks]):
                 break
+
+    def _remember(self, task: Callable) -> None:
+        """Keep which task it is; of a run that was resumed, warn once if it is another than before."""
+        now = described(task)
+        how = None if self._earlier_task is None else changed(self._earlier_task, now)
+        self._task, self._earlier_task = now, None
+        if how is not None:
+            warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
 
     def _ask_known(self, known: np.ndarray) -> None:
         """Known controllers as the next batch; in an empty archive, filled up with random ones."""

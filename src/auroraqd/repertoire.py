@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from auroraqd._checks import in_short, numbers, whole
 from auroraqd.descriptor import Descriptor
 from auroraqd.history import History
-from auroraqd.population import ORIGIN, REQUIRED
+from auroraqd.population import COLUMNS, ORIGIN, REQUIRED
+from auroraqd.provenance import genes_in
 from auroraqd.scaling import Scaling, far_outside
 from auroraqd.tasks import Evaluation, Genes, evaluated
 from auroraqd.tasks.noise import other_seeds, seeds_at
@@ -320,7 +321,8 @@ class Repertoire:
         """A table, a skill a row, which pandas writes to CSV, Parquet and others. Needs pandas, the extra `tables`.
 
         Args:
-            genes: their names are columns then, in their units, instead of genotype_0, ... in [0, 1].
+            genes: their names are columns then, in their units, instead of genotype_0, ... in [0, 1]. By default those of the
+                task of the run, if it has an attribute `genes`.
             observation: whether its entries are columns too: observation_0_1, ...
 
         Raises:
@@ -333,6 +335,7 @@ class Repertoire:
             import pandas
         except ImportError:
             raise ValueError('pandas is not installed: pip install "auroraqd[tables]"') from None
+        genes = self._genes() if genes is None else genes
         others: dict[str, np.ndarray] = {}
         for name, rows in self._columns.items():
             if (name == "observation" and not observation) or (name == "genotype" and genes is not None):
@@ -349,6 +352,14 @@ class Repertoire:
         genotype = self.genotype if genes is None or len(self) else np.empty((0, len(genes)))
         named = {} if genes is None else dict(zip(genes.names, genes.scale(genotype).T, strict=True))
         return pandas.DataFrame({**named, **others})
+
+    def _genes(self) -> Genes | None:
+        """Those of the task, if its run folder is there and they are of use."""
+        try:
+            genes = genes_in(self.config)
+        except (OSError, ValueError):
+            return None
+        return None if genes is None or len(genes) != self.genotype.shape[1] or set(genes.names) & set(COLUMNS) else genes
 
     def _check_any(self, purpose: str) -> None:
         if len(self) == 0:

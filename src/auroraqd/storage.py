@@ -36,6 +36,7 @@ from auroraqd.aurora import Aurora
 from auroraqd.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
 from auroraqd.history import History, Record
 from auroraqd.population import COLUMNS
+from auroraqd.provenance import made_by, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.scaling import Scaling
 from auroraqd.state import State, restored, settings_of, state_of
@@ -101,6 +102,7 @@ def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, kee
 def write_config(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None) -> None:
     """The settings alone, as `save` writes them."""
     config = {**(settings_of(aurora) if config is None else config), "environment": environment()}
+    config["provenance"] = {**made_by(), "task": aurora._task}
     _write(folder / CONFIG, json.dumps(config, indent=2) + "\n")
 
 
@@ -191,16 +193,21 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
             raise TypeError(f"{name} must be callable, an instance and not a class, got {parts[name]!r}")
     trusted = _checked_trust(trusted)
     _existing(folder)
-    if not any_environment and ((path := Path(folder)) / REPERTOIRE).is_file() | (path / PREVIOUS).is_file():
-        _check_environment(folder, load_config(folder).get("environment", {}))
+    path, config = Path(folder), {}
+    if (path / REPERTOIRE).is_file() or (path / PREVIOUS).is_file():
+        config = load_config(folder) if (path / CONFIG).is_file() or not any_environment else {}
+        if not any_environment:
+            _check_environment(folder, config.get("environment", {}))
 
     def run(arrays: Mapping[str, np.ndarray], kind: str) -> Aurora:
         values = _values(arrays)
         check_arrays(values, arrays)
         descriptor = _descriptor(kind, arrays, values, trusted)
-        return restored(State(values, dict(arrays)), descriptor, _seconds(Path(folder)), parts)
+        return restored(State(values, dict(arrays)), descriptor, _seconds(path), parts)
 
-    return _read(folder, run, "cannot go on")
+    aurora = _read(folder, run, "cannot go on")
+    aurora._task = aurora._earlier_task = task_in(config)
+    return aurora
 
 
 def whose(folder: Path) -> tuple[dict[str, Any], int]:

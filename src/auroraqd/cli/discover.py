@@ -173,6 +173,7 @@ def resume(
     with busy("loading"), warnings_said():
         if any((folder / name).is_file() for name in (storage.REPERTOIRE, storage.PREVIOUS)):
             task, aurora = settings.build_task(), storage.resume(folder, any_environment=any_environment)
+            aurora.run(task, generations=0)  # says so if the code of the task has changed
         else:  # it ended before its first checkpoint
             task, aurora = settings.build()
     if getattr(task, "n_genes", None) != aurora.n_genes:

@@ -71,10 +71,11 @@ def animate(
 def _robot(config: Mapping[str, Any], named: str | None) -> Any:
     """The task that is named, or else that of the run, if it is a robot that MuJoCo draws; or None."""
     from auroraqd.experiments import Settings
+    from auroraqd.provenance import importable
     from auroraqd.tasks import Gym
 
     try:
-        task = Settings(task=named or config.get("task", "ballistic")).build_task()
+        task = Settings(task=named or config.get("task") or importable(config) or "ballistic").build_task()
     except ValueError:
         if named is not None:
             raise
@@ -114,9 +115,12 @@ def report(folder: Path, figures: bool) -> None:
 
 
 def _what_ran(config: Mapping[str, Any]) -> list[tuple[str, str]]:
+    from auroraqd.provenance import called, task_in
+
     archive = config.get("archive")
     kind = archive.get("type") if isinstance(archive, dict) else None
-    words = [config.get("task"), config.get("descriptor"), kind, f"seed {config.get('seed')}"]
+    task = config.get("task") or (called(found) if (found := task_in(config)) else None)
+    words = [task, config.get("descriptor"), kind, f"seed {config.get('seed')}"]
     return [("run", ", ".join(str(word) for word in words if word is not None))]
 
 

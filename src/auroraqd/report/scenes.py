@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from auroraqd.provenance import importable
 from auroraqd.repertoire import Repertoire
 from auroraqd.tasks import air_hockey
+
+_AIR_HOCKEY = f"{air_hockey.__name__}:AirHockey"  # of a run from Python
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
         raise ValueError(
             f"skills must be trajectories in the plane, observations of shape (steps, 2), got {observation.shape[1:]}"
         )
-    if str(config.get("task")).partition(":")[0] == "air-hockey":
+    if str(config.get("task")).partition(":")[0] == "air-hockey" or importable(config) == _AIR_HOCKEY:
         wall = np.full(2, air_hockey.WALL)
         return Scene(-wall, wall, walls=True, radius=air_hockey.PUCK, start=np.array(air_hockey.START), arm=air_hockey.joints)
     low, high = (ends.astype(np.float64) for ends in (observation.min(axis=(0, 1)), observation.max(axis=(0, 1))))
