@@ -95,15 +95,8 @@ def test_a_bad_update_is_refused_and_said_and_the_run_goes_on(kind):
 
 @pytest.mark.parametrize("archive", [None, auroraqd.GridArchive((12, 12)), auroraqd.UnstructuredArchive(competition="elitist")])
 def test_every_archive_keeps_what_an_update_would_destroy(archive):
-    aurora = Aurora(
-        2,
-        FirstTwo(quartered),
-        seed=0,
-        batch_size=40,
-        schedule=auroraqd.Every(5),
-        archive=archive,
-        resolution=auroraqd.Fixed(0.05),
-    )
+    options = {} if isinstance(archive, auroraqd.GridArchive) else {"resolution": auroraqd.Fixed(0.05)}
+    aurora = Aurora(2, FirstTwo(quartered), seed=0, batch_size=40, schedule=auroraqd.Every(5), archive=archive, **options)
     aurora.run(plane, generations=5)
     before = found(aurora)
     with pytest.warns(UserWarning, match="would survive"):

@@ -193,18 +193,20 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
             raise TypeError(f"{name} must be callable, an instance and not a class, got {parts[name]!r}")
     trusted = _checked_trust(trusted)
     _existing(folder)
-    if not any_environment and ((path := Path(folder)) / REPERTOIRE).is_file() | (path / PREVIOUS).is_file():
-        _check_environment(folder, load_config(folder).get("environment", {}))
+    path, config = Path(folder), {}
+    if (path / REPERTOIRE).is_file() or (path / PREVIOUS).is_file():
+        config = load_config(folder) if (path / CONFIG).is_file() or not any_environment else {}
+        if not any_environment:
+            _check_environment(folder, config.get("environment", {}))
 
     def run(arrays: Mapping[str, np.ndarray], kind: str) -> Aurora:
         values = _values(arrays)
         check_arrays(values, arrays)
         descriptor = _descriptor(kind, arrays, values, trusted)
-        return restored(State(values, dict(arrays)), descriptor, _seconds(Path(folder)), parts)
+        return restored(State(values, dict(arrays)), descriptor, _seconds(path), parts)
 
     aurora = _read(folder, run, "cannot go on")
-    with suppress(OSError, ValueError):  # without, nobody can say whether the task is the same
-        aurora._task = aurora._earlier_task = task_in(load_config(folder))
+    aurora._task = aurora._earlier_task = task_in(config)
     return aurora
 
 
