@@ -118,6 +118,8 @@ def killed(times):
         same = (alone / storage.REPERTOIRE).read_bytes() == (ended / storage.REPERTOIRE).read_bytes()
         history = [[record[:-1] for record in storage.load_history(path)] for path in (alone, ended)]
         configs = [json.loads((path / storage.CONFIG).read_text()) for path in (alone, ended)]
+        for config in configs:
+            del config["provenance"]  # the command and the date differ
         print(f"\nthe same repertoire, byte for byte: {same}")
         print(f"the same history but for the times: {repr(history[0]) == repr(history[1])}")
         print(f"the same config: {configs[0] == configs[1]}")

@@ -285,11 +285,13 @@ def test_errors_of_new_individuals_are_recorded():
 
 def test_all_seeds_of_air_hockey_start():
     """LAPACK's divide and conquer gives up on some of these: four of five observations are the same."""
-    task = auroraqd.tasks.AirHockey()
-    for seed in (11, 19, 34):
-        aurora = Aurora(8, PCA(n_components=2), seed=seed).run(task, generations=1)
-        assert len(aurora.archive) > 10
-        assert aurora.descriptor.source.svd_solver == "auto"
+    for threshold in (0.0, 1.0):
+        task = auroraqd.tasks.AirHockey(restitution_threshold=threshold)
+        for seed in range(40):
+            aurora = Aurora(8, PCA(n_components=2), seed=seed).run(task, generations=1)
+            assert len(aurora.archive) > 10
+            assert aurora.descriptor.source.svd_solver == "auto"
+            assert aurora.history.last.refused == 0
 
 
 def test_a_solver_that_does_not_converge_is_replaced(monkeypatch):

@@ -6,7 +6,7 @@ Quality-Diversity search with behavioural descriptors learned from sensory data 
 
 import lazy_loader
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 # The public names are those of the stub, `__init__.pyi`. They are loaded when first used: the command line must answer before
 # NumPy, Numba and scikit-learn are imported.
