@@ -353,7 +353,7 @@ def named(function):
         (lambda g: (np.zeros((5, 1)), np.zeros((5, 2))), r"fitness must have shape \(5,\), got \(5, 1\)"),
         (lambda g: (np.zeros(5), np.zeros((4, 2))), "observation must have 5 rows"),
         (lambda g: (np.zeros(5), np.zeros((5, 0))), "observation must have entries"),
-        (lambda g: (np.zeros(5), [[1], [1, 2], [1], [1], [1]]), "observation must be numbers, got"),
+        (lambda g: (np.zeros(5), [[1], [1, 2], [1], [1], [1]]), "observation must be numbers with rows of one shape, got"),
         (lambda g: (np.zeros(5), np.array(list("abcde"))), "observation must be numbers"),
         (lambda g: (np.zeros(5), np.zeros((5, 2)), 1.0), "ground_truth must have 5 rows"),
         (lambda g: 1 / 0, "raised ZeroDivisionError: division by zero"),

@@ -457,7 +457,7 @@ def test_a_pool_of_mpi(tmp_path):
         [mpiexec, "-n", "3", sys.executable, "-m", "mpi4py.futures", script, tmp_path, "2"],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=400,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

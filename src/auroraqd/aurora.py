@@ -561,10 +561,10 @@ class _Budget:
 
 
 def _resolution_for(archive: Archive, resolution: Any) -> Any:
-    """The resolution, or None for an archive that has no l; there, only the default may be passed over."""
+    """The resolution, or None for an archive that has no l; there, only defaults, ours and the paper's, may be passed over."""
     if isinstance(archive, UnstructuredArchive):
         return resolution
-    if resolution not in (None, Automatic(), VAT()):
+    if resolution not in (None, Automatic(), VAT(), VAT(robust=False)):
         has_none = f"{type(archive).__name__} has none"
         raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {resolution!r}")
     return None

@@ -97,7 +97,9 @@ def updated(
         raise RefusedUpdate(f"{error} ({called})") from error
     if not np.isfinite(values).all():
         raise RefusedUpdate(f"{descriptor} gave a NaN or an infinity for individuals that are stored ({called})")
-    _check_spread(values, before, said=f"{descriptor} ({called})", first_fit=refit and before is None)
+    _check_spread(
+        values, before, said=f"{descriptor} ({called})", transformed=not isinstance(descriptor.source, str) and before is None
+    )
     return Update(descriptor, values, error, None if resolution is None else _threshold(resolution, values))
 
 
@@ -122,7 +124,7 @@ def _listed(numbers: np.ndarray) -> str:
     return f"{', '.join(map(str, numbers[:5]))}{', ...' * (len(numbers) > 5)}"
 
 
-def _check_spread(values: np.ndarray, before: np.ndarray | None, *, said: str, first_fit: bool) -> None:
+def _check_spread(values: np.ndarray, before: np.ndarray | None, *, said: str, transformed: bool) -> None:
     """Refuse descriptors, (n, d), that do not tell individuals apart, or no longer in a dimension in which they did."""
     if len(values) < 2:
         return
@@ -131,7 +133,7 @@ def _check_spread(values: np.ndarray, before: np.ndarray | None, *, said: str, f
     if spread.max() <= _ROUNDING * np.abs(values).max():
         raise RefusedUpdate(f"{said} maps all {len(values):,} individuals to one point")
     narrow = spread <= _NARROW * spread.max()
-    if first_fit and narrow.any():
+    if transformed and narrow.any():  # whole observations may well have constant entries
         warnings.warn(f"{said} has no spread in {_dimensions(narrow)}", stacklevel=6)
     if before is not None and before.shape == values.shape:
         was = np.ptp(before, axis=0)
