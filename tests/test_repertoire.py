@@ -63,7 +63,7 @@ def test_outcomes_that_are_none(learned):
     ):
         with pytest.raises(ValueError, match=message):
             learned.reach(observation, k)
-    with pytest.raises(ValueError, match="observation must be numbers with rows of one shape, got 'there'"):
+    with pytest.raises(ValueError, match="observation must be numbers, got 'there'"):
         learned.describe("there")
     with pytest.raises(ValueError, match=r"descriptor must have shape \(n, 2\), as those of the repertoire, got \(2,\)"):
         learned.reconstruct([0.0, 0.0])
