@@ -109,6 +109,8 @@ def numeric(
 
 def _array(values: Any) -> np.ndarray:
     """As an array of booleans, whole numbers or floats; raises what NumPy raises, or TypeError."""
+    if type(values) is np.ndarray and values.dtype.kind in "biuf":  # the common case, which must cost nothing
+        return values
     if _masked(values):
         raise TypeError
     array = np.asarray(values)
