@@ -1,6 +1,6 @@
 from . import evaluate, metrics, report, tasks
 from .adaptation import Adaptation
-from .archive import Archive, UnstructuredArchive
+from .archive import Archive
 from .aurora import Aurora
 from .autoencoder import AutoEncoder
 from .cells import GridArchive
@@ -13,6 +13,7 @@ from .schedule import Doubling, Every, Never
 from .selection import Curiosity, Uniform
 from .storage import load, resume, save
 from .tasks import Evaluation, TaskError
+from .unstructured import UnstructuredArchive
 from .variation import Gaussian, IsoLine, Polynomial
 
 __version__: str

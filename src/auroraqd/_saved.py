@@ -45,8 +45,9 @@ def check_arrays(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
         names = [name for name in arrays if name.startswith(f"{prefix}.")]
         if names:
             _check_individuals(prefix, {name.partition(".")[2]: arrays[name] for name in names}, values["n_genes"])
-    if any(name.startswith("pending.") for name in arrays) != (values["rearranged"] is not None):
-        raise ValueError("rearranged must be known of individuals that were asked for, and of no others")
+    asked, pending = values.get("asked"), arrays.get("pending.genotype")
+    if asked is not None and sum(n for _, n, *_ in asked) != (0 if pending is None else len(pending)):
+        raise ValueError(f"asked must be as many individuals as are pending, got {shown(asked)}")
     stored = arrays.get("genotype")
     if stored is not None and len(stored) and stored.shape[1:] != (values["n_genes"],):
         raise ValueError(f"genotype must have shape (n, {values['n_genes']}), got {stored.shape}")
@@ -106,10 +107,10 @@ def _check_individuals(prefix: str, columns: Mapping[str, np.ndarray], n_genes: 
     least = 1 if prefix == "pending" else 0
     if len(genotype) < least or genotype.shape[1] != n_genes or not ((genotype >= 0) & (genotype <= 1)).all():
         raise ValueError(f"{prefix}.genotype must have shape (n, {n_genes}), in [0, 1], got shape {genotype.shape}")
-    for name in ("parent_id", "parent_row"):
-        check_array(f"{prefix}.{name}", columns.get(name), axes=1, dtype=np.int64, n=len(genotype))
-    if "born" in columns:  # not in files of version 0.2.0
-        check_array(f"{prefix}.born", columns["born"], axes=1, dtype=np.int64, n=len(genotype))
+    check_array(f"{prefix}.parent", columns.get("parent", columns.get("parent_id")), axes=1, dtype=np.int64, n=len(genotype))
+    for name in ("born", "emitter"):
+        if name in columns:  # not in files of version 0.2.0
+            check_array(f"{prefix}.{name}", columns[name], axes=1, dtype=np.int64, n=len(genotype))
     if prefix == "waiting":
         check_array("waiting.fitness", columns.get("fitness"), axes=1, dtype=np.float64, finite=True, n=len(genotype))
         check_array("waiting.observation", columns.get("observation"), finite=True, n=len(genotype))
@@ -146,7 +147,7 @@ def _counts(name: str, value: Any) -> None:
 
 def _settings(name: str, value: Any) -> None:
     _object(name, value)
-    for part in ("selection", "variation", "resolution", "schedule"):
+    for part in ("resolution", "schedule", *(() if "emitters" in value else ("selection", "variation"))):
         if part not in value:
             raise ValueError(f"{name} has no {part}")
     _object(f"archive of the {name}", value.get("archive"))
@@ -180,6 +181,25 @@ def _attempts(name: str, value: Any) -> None:
     _or_none(partial(whole, least=0), name, value[1])
 
 
+def _asked(name: str, value: Any) -> None:
+    if not isinstance(value, list) or not all(isinstance(one, list) and len(one) == 4 for one in value):
+        raise ValueError(f"{name} must be a list of lists of four, got {shown(value)}")
+    for ticket, n, first, alone in value:
+        whole(f"ticket of {name}", ticket, least=0)
+        whole(f"size of {name}", n, most=_MOST)
+        _count(f"number of {name}", first)
+        _true_or_false(f"kind of {name}", alone)
+    if sum(alone for *_, alone in value) > 1 or len({ticket for ticket, *_ in value}) < len(value):
+        raise ValueError(f"{name} must be of different tickets, and one batch at most, got {shown(value)}")
+
+
+def _objects(name: str, value: Any) -> None:
+    if not isinstance(value, list):
+        raise ValueError(f"{name} must be a list, got {shown(value)}")
+    for one in value:
+        _object(name, one)
+
+
 _VALUES: dict[str, Callable[[str, Any], Any]] = {
     "n_genes": partial(whole, most=_MOST),
     "batch_size": partial(whole, most=_MOST),
@@ -194,12 +214,16 @@ _VALUES: dict[str, Callable[[str, Any], Any]] = {
     "archive": _object,
     "history_gap": partial(whole, most=_MOST),
     "shape": _shape,
-    "rearranged": partial(_or_none, _count),
 }
 _SINCE: dict[str, Callable[[str, Any], Any]] = {  # what files of version 0.2.0, or runs from Python, lack
     "robust": _true_or_false,
     "survival": partial(number, most=1, wanted="a share, from 0 to 1"),
     "_refused": _count,
     "attempts": _attempts,
+    "asked": _asked,
+    "emitters": _objects,
+    "_tickets": _count,
+    "_part": _count,
+    "_next_evaluation": _count,
     "config": _object,
 }

@@ -7,29 +7,32 @@ Quality-Diversity search whose behavioural descriptor is learned from the sensor
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 import warnings
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
-from typing import Any
+import zlib
+from collections.abc import Callable
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, number, numbers, numeric, shown, whole
+from auroraqd._checks import finite_rows, number, numbers, numeric, shown, whole, whole_numbers
 from auroraqd._interrupts import uninterrupted
-from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, check_like
-from auroraqd.batch import Batch, Pending
+from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, Info
+from auroraqd.batch import Asked, Proposal
 from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
+from auroraqd.emitters import Genetic, Shared, check_callable, shared
 from auroraqd.history import History, Record
+from auroraqd.individuals import Columns, check_like
 from auroraqd.provenance import changed, described
 from auroraqd.resolution import VAT, Automatic
 from auroraqd.schedule import Doubling
 from auroraqd.selection import Curiosity
-from auroraqd.tasks import Evaluation, TaskError, checked, evaluated, name_of
-from auroraqd.tasks.noise import seeds_of
-from auroraqd.update import FIRST_FITS, Attempts, RefusedUpdate, Sources, Update, updated
+from auroraqd.tasks import Evaluation, checked
+from auroraqd.unstructured import UnstructuredArchive
+from auroraqd.update import FIRST_FITS, Attempts, RefusedUpdate, Update, updated
 from auroraqd.variation import Polynomial
 
 SURVIVAL = 0.25
@@ -37,6 +40,7 @@ SURVIVAL = 0.25
 those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were kept."""
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
+_TICKETS = 40  # bits for those of one run
 
 
 class Aurora:
@@ -50,7 +54,10 @@ class Aurora:
         seed: of all that is random. None: one that is drawn from the system, to be read from the attribute.
         batch_size: individuals a generation.
         archive: empty, or that of another run in this process. Default: `UnstructuredArchive()`.
-        selection, variation: how parents are chosen and offspring made.
+        selection, variation: how parents are chosen and offspring made, `Curiosity()` and `Polynomial()` by default: the short
+            form of `emitter=Genetic(selection, variation)`.
+        emitter: what makes genotypes, which is copied; or several that share each batch alike, or pairs of an emitter and its
+            share. See `auroraqd.emitters`.
         resolution: gives l after each update of an unstructured archive; None leaves l alone. By default `VAT()` where the
             descriptor has one or two dimensions, and `Size()` where it has more.
         schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
@@ -80,8 +87,9 @@ class Aurora:
         seed: int | None = None,
         batch_size: int = 200,
         archive: Archive | None = None,
-        selection: Callable[[Archive, int, np.random.Generator], np.ndarray] = Curiosity(),
-        variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = Polynomial(),
+        selection: Callable[[Archive, int, np.random.Generator], np.ndarray] | None = None,
+        variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] | None = None,
+        emitter: Any = None,
         resolution: Callable[[np.ndarray], float] | None = Automatic(),
         schedule: Callable[[int], bool] = Doubling(),
         prior: ArrayLike | None = None,
@@ -90,15 +98,13 @@ class Aurora:
     ) -> None:
         self.n_genes = whole("n_genes", n_genes)
         self.batch_size = whole("batch_size", batch_size)
-        for name, value in (("selection", selection), ("variation", variation), ("schedule", schedule)):
-            _check_callable(name, value)
+        check_callable("schedule", schedule)
         if resolution is not None:
-            _check_callable("resolution", resolution)
+            check_callable("resolution", resolution)
         if archive is not None and not isinstance(archive, Archive):
             raise TypeError(f"archive must be an archive of auroraqd, got {archive!r}")
         self.archive = UnstructuredArchive() if archive is None else archive
-        self.selection = selection
-        self.variation = variation
+        self._emitters = _emitters(emitter, selection, variation)
         self.resolution = _resolution_for(self.archive, resolution)
         self.schedule = schedule
         self.survival = number("survival", survival, most=1, wanted="a share, from 0 to 1")
@@ -118,13 +124,18 @@ class Aurora:
             self._descriptor = self._descriptor.refitted(
                 numeric("prior", prior, " of shape (n, ...)", rows=True, some=True, finite=True)
             )
-        self._waiting: Batch | None = None  # individuals told before there were enough for a first fit
+        self._waiting: Columns | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
         self._attempts = Attempts()  # at updates, since the last that was taken
         self._refused = 0  # updates so far
-        self._pending: Pending | None = None
+        self._asked: dict[int, Asked] = {}  # by ticket: what is out
+        self._current: int | None = None  # the ticket of what `ask()` gave
+        self._tickets = 0  # given so far
+        self._next_evaluation = 0
+        self._part = 0  # individuals of the generation under way that were told in parts
         self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
+        self._until = 0.0  # the time up to which they are counted
         self._task: dict[str, Any] | None = None  # what it was, as `auroraqd.provenance` describes it
         self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
 
@@ -158,43 +169,104 @@ class Aurora:
             raise ValueError(f"descriptor must have shape {wanted}, got {places.shape}")
         return self._descriptor.reconstruct(places)
 
-    def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray:
-        """The next batch to evaluate, (n, n_genes) in [0, 1]: random while nothing is stored, then offspring.
+    @overload
+    def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray: ...
+    @overload
+    def ask(self, genotypes: int) -> Proposal: ...
+    def ask(self, genotypes: ArrayLike | int | None = None) -> np.ndarray | Proposal:
+        """The next genotypes to evaluate, in [0, 1]: random while nothing is stored, then offspring.
 
         Args:
-            genotypes: (n, n_genes) in [0, 1], to evaluate these, known controllers for instance, and no others.
+            genotypes: nothing, for the next batch, (batch_size, n_genes), which is a generation; or an array, (n, n_genes), to
+                evaluate these, known controllers for instance, and no others. Or a number n, any number of times: n individuals
+                that are told by their ticket, in any order, or withdrawn. Then as many as `batch_size` are a generation.
+
+        Returns:
+            (n, n_genes) float64; for a number, a `Proposal`: `ticket`, `genotype`, `parent` and `seeds`.
 
         Raises:
             RuntimeError: the last batch has not been told.
-            ValueError: genotypes has the wrong shape or leaves [0, 1]; or the selection or the variation returned something
-                else than it must. Nothing has changed.
+            ValueError: genotypes has the wrong shape or leaves [0, 1]; or an emitter, a selection or a variation returned
+                something else than it must. Nothing has changed.
         """
-        if self._pending is not None:
+        if isinstance(genotypes, int | np.integer) and not isinstance(genotypes, bool):
+            return self._ask(whole("genotypes", genotypes), alone=False)
+        if self._current is not None:
             raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
+        return self._ask(
+            self.batch_size if genotypes is None else self._checked_genotypes(genotypes), alone=True
+        ).genotype.copy()
+
+    def _ask(self, wanted: int | np.ndarray, *, alone: bool) -> Proposal:
+        since = time.perf_counter()
         random = self._rng.bit_generator.state
         with uninterrupted():
             try:
-                return self._asked(genotypes)
+                made = self._made(wanted) if isinstance(wanted, int) else _without_parents(wanted)
             except BaseException:  # a strategy that fails has used random numbers, and the run must not take another course
                 self._rng.bit_generator.state = random
                 raise
+            ticket = self._ticket_base + self._tickets
+            proposal = Proposal(ticket, *made, self._next_evaluation, self.seed)
+            self._tickets += 1
+            self._next_evaluation += len(proposal.genotype)
+            self._asked[ticket] = Asked(proposal, alone, since)
+            self._current = ticket if alone else self._current
+        return proposal
 
-    def _asked(self, genotypes: ArrayLike | None) -> np.ndarray:
-        since = time.perf_counter()
-        if genotypes is not None:
-            children = self._checked_genotypes(genotypes)
-            parent_row = np.full(len(children), -1)
-        elif len(self.archive) == 0:
-            children = self._rng.random((self.batch_size, self.n_genes))
-            parent_row = np.full(self.batch_size, -1)
-        else:
-            children, parent_row = self._offspring()
-        parent_id = np.where(parent_row < 0, -1, self.archive.id[parent_row]) if len(self.archive) else parent_row
-        self._pending = Pending(children, parent_id, parent_row, self.archive.rearranged, since)
-        return children.copy()
+    def _made(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """n genotypes, the ids of their parents, and which emitter made them."""
+        made = []
+        for which, count in enumerate(self._emitters.counts(n, self._rng)):
+            if count:
+                emitter = self._emitters.emitters[which]
+                if len(self.archive) == 0 and not getattr(emitter, "starts", False):
+                    made.append(_without_parents(self._rng.random((count, self.n_genes))))
+                else:
+                    found = self._checked_offspring(emitter, count, emitter.ask(self.archive, count, self._rng))
+                    made.append((*found, np.full(count, which)))
+        if len(made) == 1:
+            return made[0]
+        genotype, parent, emitter = (np.concatenate(parts) for parts in zip(*made, strict=True))
+        return genotype, parent, emitter
 
-    def tell(self, fitness: ArrayLike, observation: ArrayLike, ground_truth: ArrayLike | None = None) -> np.ndarray:
-        """What the batch asked for did, row by row.
+    def _checked_offspring(self, emitter: Any, n: int, found: Any) -> tuple[np.ndarray, np.ndarray]:
+        called = f"emitter {type(emitter).__name__} must return"
+        if not isinstance(found, tuple) or len(found) != 2:
+            raise ValueError(f"{called} a tuple of genotypes and their parents, got {type(found).__name__}")
+        genotype, parent = numbers(f"{called} genotypes that", found[0]), whole_numbers(f"{called} parents that", found[1])
+        shape = n, self.n_genes
+        if genotype.shape != shape or not (genotype.min() >= 0 and genotype.max() <= 1):
+            raise ValueError(f"{called} genotypes of shape {shape} in [0, 1], got shape {genotype.shape}")
+        if parent.shape != (n,) or parent.min() < -1 or parent.max() >= self.archive.state["next_id"]:
+            raise ValueError(f"{called} parents as ({n},) ids of individuals of the archive, or -1, got {shown(parent)}")
+        return genotype, parent
+
+    def withdraw(self, ticket: int) -> None:
+        """Forget a proposal that will never be told: its worker is lost.
+
+        Raises:
+            ValueError: there is none with this ticket; see `tell`.
+        """
+        asked = self._asked_for(ticket)
+        with uninterrupted():
+            self._forget(asked)
+
+    def _forget(self, asked: Asked) -> None:
+        ticket = asked.proposal.ticket
+        del self._asked[ticket]
+        if ticket == self._current:
+            self._current = None
+
+    def tell(
+        self,
+        fitness: ArrayLike,
+        observation: ArrayLike,
+        ground_truth: ArrayLike | None = None,
+        *,
+        ticket: int | None = None,
+    ) -> np.ndarray:
+        """What the individuals asked for did, row by row.
 
         Rows with a NaN or an infinity in fitness or observation are invalid: never stored, their parents debited. That is
         also how to report a crash.
@@ -203,6 +275,7 @@ class Aurora:
             fitness: (n,), larger is better; a constant for pure exploration.
             observation: (n, ...), the sensory data, in any shape.
             ground_truth: (n, ...), if known.
+            ticket: of the proposal, if it was asked for by a number.
 
         Returns:
             (n,) int8, the status of each: 0 rejected, 1 new, 2 replaced another, -1 invalid. While there are too few
@@ -210,14 +283,14 @@ class Aurora:
 
         Raises:
             RuntimeError: nothing was asked for.
-            ValueError: wrong shape or number of rows. The batch can be told again; nothing else has changed.
+            ValueError: wrong shape or number of rows; or a ticket that was never given, is of another run, or was told or
+                withdrawn before. The batch can be told again; nothing else has changed.
         """
-        if self._pending is None:
-            raise RuntimeError("tell was called before ask: there is no batch to tell about")
-        evaluation = checked(Evaluation(fitness, observation, ground_truth), len(self._pending.genotype))
-        self._check_as_before(evaluation)
+        asked = self._asked_for(ticket)
+        evaluation = checked(Evaluation(fitness, observation, ground_truth), len(asked.proposal.genotype))
+        self.check_as_before(evaluation)
         was_full = self.archive.full
-        status = self._told(self._pending, evaluation)
+        status = self._told(asked, evaluation)
         if self.archive.full and not was_full:
             warnings.warn(
                 f"the archive is full ({len(self.archive)} individuals): from now on, one is stored only in another's place",
@@ -225,15 +298,65 @@ class Aurora:
             )
         return status
 
+    def _asked_for(self, ticket: int | None) -> Asked:
+        if ticket is None and self._current is None:
+            if self._asked:
+                raise RuntimeError(
+                    f"tell needs the ticket of one of {len(self._asked)} proposals that are out: tell(..., ticket=)"
+                )
+            raise RuntimeError("tell was called before ask: there is no batch to tell about")
+        wanted = whole("ticket", self._current if ticket is None else ticket, least=0)
+        if wanted in self._asked:
+            return self._asked[wanted]
+        if wanted >> _TICKETS != self._ticket_base >> _TICKETS:
+            raise ValueError(f"ticket must be of this run, and {wanted} is of another")
+        known = wanted < self._ticket_base + self._tickets
+        raise ValueError(
+            f"ticket must be of a proposal that is out, and {wanted} {'is so no longer' if known else 'was never given'}"
+        )
+
+    @property
+    def _ticket_base(self) -> int:
+        """The first ticket: those of runs with other seeds differ."""
+        return (1 + zlib.crc32(str(self.seed).encode())) << _TICKETS
+
+    @property
+    def out(self) -> list[Proposal]:
+        """What was asked for by numbers and is neither told nor withdrawn, in the order in which it was asked for."""
+        return [asked.proposal for asked in self._asked.values() if not asked.alone]
+
     @property
     def pending(self) -> np.ndarray | None:
-        """The genotypes asked for and not told yet, (n, n_genes), or None."""
-        return None if self._pending is None else self._pending.genotype.copy()
+        """The genotypes of the batch asked for and not told yet, (n, n_genes), or None."""
+        return None if self._current is None else self._asked[self._current].proposal.genotype.copy()
 
     @property
     def seeds(self) -> np.ndarray | None:
         """A seed for each individual of `pending`, (n,) uint64, for a task whose outcome depends on chance; or None."""
-        return None if self._pending is None else seeds_of(self.seed, self.evaluations, len(self._pending.genotype))
+        return None if self._current is None else self._asked[self._current].proposal.seeds
+
+    @property
+    def selection(self) -> Any:
+        """How parents are chosen, if by a `Genetic` emitter alone; or None."""
+        return self._genetic and self._genetic.selection
+
+    @selection.setter
+    def selection(self, value: Any) -> None:
+        self._emitters = shared(Genetic(value, self.variation))
+
+    @property
+    def variation(self) -> Any:
+        """How offspring are made, if by a `Genetic` emitter alone; or None."""
+        return self._genetic and self._genetic.variation
+
+    @variation.setter
+    def variation(self, value: Any) -> None:
+        self._emitters = shared(Genetic(self.selection, value))
+
+    @property
+    def _genetic(self) -> Genetic | None:
+        first, *others = self._emitters.emitters
+        return first if isinstance(first, Genetic) and not others else None
 
     def run(
         self,
@@ -244,7 +367,7 @@ class Aurora:
         seconds: float | None = None,
         until_generation: int | None = None,
         initial: ArrayLike | None = None,
-        callback: Callable[[Aurora], Any] | Sequence[Callable[[Aurora], Any]] | None = None,
+        callback: Any = None,
         progress: bool = False,
     ) -> Aurora:
         """Evaluate generations on a task until a budget is used up. Called again, it goes on.
@@ -274,45 +397,31 @@ class Aurora:
         Warns:
             UserWarning: the run was resumed, and the task, its arguments or its code are others than before.
         """
-        _check_callable("task", task)
-        budget = _Budget(self, generations, evaluations, seconds, until_generation)
-        callbacks = _callbacks(callback)
+        from auroraqd.running import Budget, run
+
+        check_callable("task", task)
+        budget = Budget(self, generations, evaluations, seconds, until_generation)
         known = None if initial is None else self._checked_genotypes(initial)
-        self._remember(task)
-        with _shown(self, budget) if progress else nullcontext() as show:
-            self._run(task, budget, known, callbacks if show is None else [*callbacks, show])
+        run(self, task, budget, known, callback, progress)
         return self
 
-    def _run(self, task: Callable, budget: _Budget, known: np.ndarray | None, callbacks: list[Callable[[Aurora], Any]]) -> None:
-        while not budget.used_up():
-            if self._pending is None and known is not None:
-                self._ask_known(known)
-                known = None
-            genotypes = self.ask() if self._pending is None else self._pending.genotype.copy()
-            seeds = self.seeds if getattr(task, "seeded", False) else None
-            evaluation = evaluated(task, genotypes, seeds, f"at generation {self.generation}")
-            try:
-                self._check_as_before(evaluation)
-            except ValueError as error:
-                raise TaskError(f"task {name_of(task)} at generation {self.generation}: {error}") from error
-            self.tell(*evaluation)
-            self._check_progress(task)
-            if any([_is_true(callback(self)) for callback in callbacks]):
-                break
-
-    def _remember(self, task: Callable) -> None:
-        """Keep which task it is; of a run that was resumed, warn once if it is another than before."""
+    def remember(self, task: Callable) -> str | None:
+        """Keep which task it is. Of a run that was resumed, says once if it is another than before, and how."""
         now = described(task)
         how = None if self._earlier_task is None else changed(self._earlier_task, now)
         self._task, self._earlier_task = now, None
-        if how is not None:
-            warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
+        return how
 
-    def _ask_known(self, known: np.ndarray) -> None:
-        """Known controllers as the next batch; in an empty archive, filled up with random ones."""
+    def ask_known(self, known: np.ndarray) -> None:
+        """Known controllers, (m, n_genes), as the next batch; while nothing is stored, filled up with random ones."""
         missing = max(self.batch_size - len(known), 0) if len(self.archive) == 0 else 0
         with uninterrupted():
             self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether many generations have not given one valid individual."""
+        return self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations
 
     def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
         children = numbers("genotypes", genotypes, f" of shape (n, {self.n_genes})").copy()
@@ -322,112 +431,126 @@ class Aurora:
             raise ValueError("genotypes must be in [0, 1]")
         return children
 
-    def _check_as_before(self, evaluation: Evaluation) -> None:
+    def check_as_before(self, evaluation: Evaluation) -> None:
         """Raise ValueError when the columns do not match those of the individuals told before."""
-        before = self._waiting if self._waiting is not None else self.archive if len(self.archive) else None
+        before = self._waiting if self._waiting is not None else self.archive.columns if len(self.archive) else None
         if before is None:
             return
-        if (evaluation.ground_truth is None) != (before.ground_truth is None):
+        if (evaluation.ground_truth is None) != ("ground_truth" not in before):
             raise ValueError("ground_truth must be given for every generation or for none")
         for name in ("observation", "ground_truth"):
-            if getattr(before, name) is not None:
-                check_like(name, getattr(evaluation, name), getattr(before, name))
+            if name in before:
+                check_like(name, getattr(evaluation, name), before[name])
 
-    def _offspring(self) -> tuple[np.ndarray, np.ndarray]:
-        n_parents = getattr(self.variation, "n_parents", 1)
-        wanted = self.batch_size * n_parents
-        rows = np.asarray(self.selection(self.archive, wanted, self._rng))
-        if rows.shape != (wanted,) or rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= len(self.archive):
-            raise ValueError(f"selection must return ({wanted},) rows of the archive, got shape {rows.shape} of {rows.dtype}")
-        if n_parents > 1:
-            rows = rows.reshape(self.batch_size, n_parents)
-        children = np.array(self.variation(self.archive.genotype.take(rows, axis=0), self._rng), np.float64)
-        if children.shape != (self.batch_size, self.n_genes) or not (children.min() >= 0 and children.max() <= 1):
-            wanted = (self.batch_size, self.n_genes)
-            raise ValueError(f"variation must return genotypes of shape {wanted} in [0, 1], got shape {children.shape}")
-        return children, rows if n_parents == 1 else rows[:, 0]
-
-    def _told(self, pending: Pending, evaluation: Evaluation) -> np.ndarray:
-        """One generation: update if it is time, add, credit, record. Raises before it changes anything."""
-        born = np.arange(self.evaluations, self.evaluations + len(pending.genotype))
-        batch = Batch(pending.genotype, pending.parent_id, pending.parent_row, born, *evaluation)
+    def _told(self, asked: Asked, evaluation: Evaluation) -> np.ndarray:
+        """Individuals that were evaluated: update if it is time, add, credit, record. Raises before it changes anything."""
+        proposal, n = asked.proposal, len(asked.proposal.genotype)
+        batch = Columns(
+            {
+                "genotype": proposal.genotype,
+                "parent": proposal.parent,
+                "emitter": proposal.emitter,
+                "born": proposal.born,
+                **{name: column for name, column in evaluation._asdict().items() if column is not None},
+            }
+        )
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
-        readable = self._descriptor.readable(batch.observation, batch.ground_truth)
-        valid = finite_rows(batch.fitness) & readable
-        scheduled = self._update_due or self.schedule(self.generation)
+        valid = finite_rows(batch["fitness"]) & self._descriptor.readable(batch)
+        individuals = batch.take(valid)
+        begins = asked.alone or self._part == 0  # a generation
+        scheduled = self._update_due or (begins and self.schedule(self.generation))
         first_fit = not self._descriptor.ready
-        enough = self._descriptor.rows_to_fit(batch.observation[0].size)
-        if first_fit and np.count_nonzero(valid) + len(self.archive) < enough:
-            return self._wait(pending, batch, valid, scheduled)
-        individuals = batch.only(readable)  # what is invalid by its fitness alone is left to the archive
+        enough = self._descriptor.rows_to_fit(batch["observation"][0].size)
+        if first_fit and individuals.rows + len(self.archive) < enough:
+            return self._wait(asked, batch, valid, scheduled)
         update, refusal = None, None
-        if scheduled or first_fit or self._attempts.due == self.generation:
+        if scheduled or first_fit or (begins and self._attempts.due == self.generation):
             try:
-                update = self._updated(batch.only(valid))
+                update = self._updated(individuals)
             except RefusedUpdate as error:
                 refusal = error
         if refusal is not None and first_fit:
             if self._attempts.refused == FIRST_FITS:
                 raise DescriptorError(f"{refusal}; it was tried {FIRST_FITS} times before, with fewer individuals") from refusal
-            return self._wait(pending, batch, valid, scheduled, refusal)
-        described = self._described(individuals, self._descriptor if update is None else update.descriptor)
+            return self._wait(asked, batch, valid, scheduled, refusal)
+        described = _described(individuals, self._descriptor if update is None else update.descriptor)
         # Up to here anything may raise, or be interrupted: fitting takes long. From here on the state changes.
         with uninterrupted():
             if update is not None and (refusal := self._take(update)) is not None:
-                described = self._described(individuals, self._descriptor)
+                described = _described(individuals, self._descriptor)
             said = self._try_again(refusal, tried=update is not None)
-            status = np.full(len(readable), INVALID, np.int8)
-            if described is not None:
-                status[readable] = self._added(individuals, *described)
-            rows = batch.parent_row if self.archive.rearranged == pending.rearranged else None
-            self.archive.credit(batch.parent_id, status, rows=rows)
+            status = self._added(batch, described, valid)
+            self.archive.credit(batch["parent"], status)
             alone = update is not None and refusal is None and update.l is None and self.resolution is not None
             self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
-            self._done(pending, status, np.nan if described is None or first_fit else _rmse(described[1]))
+            self._done(
+                asked,
+                status,
+                np.nan if first_fit or "reconstruction_error" not in described else _mean(described["reconstruction_error"]),
+            )
         _say(said)
-        return status[-len(pending.genotype) :]
+        return status[-n:]
 
     def _wait(
-        self, pending: Pending, batch: Batch, valid: np.ndarray, scheduled: bool, refusal: RefusedUpdate | None = None
+        self, asked: Asked, batch: Columns, valid: np.ndarray, scheduled: bool, refusal: RefusedUpdate | None = None
     ) -> np.ndarray:
         """Keep individuals for a later first fit of the descriptor: there are too few, or it was refused."""
         with uninterrupted():
             said = self._try_again(refusal, tried=False)
-            self._update_due, self._waiting = scheduled, batch.only(valid).copied()
+            self._update_due, self._waiting = scheduled, batch.take(valid).copied()
             status = np.where(valid, REJECTED, INVALID).astype(np.int8)
-            self._done(pending, status[~valid], np.nan)
+            self._done(asked, status[~valid], np.nan)
         _say(said)
-        return status[-len(pending.genotype) :]
+        return status[-len(asked.proposal.genotype) :]
 
-    def _described(self, individuals: Batch, descriptor: Descriptor) -> tuple[np.ndarray, np.ndarray | None] | None:
-        """Descriptors and reconstruction errors; None where there are no individuals."""
-        return descriptor.describe(*individuals.sources) if len(individuals.genotype) else None
+    def _added(self, batch: Columns, described: Columns, valid: np.ndarray) -> np.ndarray:
+        """Add those that are valid, (n,) of the batch, and tell the emitters what became of all."""
+        info = Info(np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1), np.empty(0, np.int64))
+        if described.rows:
+            found = self.archive.insert(described, np.ones(described.rows, bool))
+            if found.status.shape == valid.shape:
+                info = found
+            else:
+                info.status[valid], info.row[valid] = found.status, found.row
+                info = info._replace(removed=found.removed)
+        for which, emitter in enumerate(self._emitters.emitters):
+            if hasattr(emitter, "tell"):
+                self._tell(emitter, batch["emitter"] == which, batch, described, valid, info)
+        return info.status
 
-    def _added(self, individuals: Batch, values: np.ndarray, error: np.ndarray | None) -> np.ndarray:
-        return self.archive.add(
-            individuals.genotype,
-            individuals.fitness,
-            individuals.observation,
-            values,
-            ground_truth=individuals.ground_truth,
-            reconstruction_error=error,
-            born=individuals.born,
-            parent=individuals.parent_id,
-        )
+    def _tell(self, emitter: Any, rows: np.ndarray, batch: Columns, described: Columns, valid: np.ndarray, info: Info) -> None:
+        """Tell an emitter what became of its rows, (n,) bool of the batch."""
+        if not rows.any():
+            return
+        d = described["descriptor"].shape[1] if "descriptor" in described else 0
+        descriptor = np.full((batch.rows, d), np.nan)
+        if d:
+            descriptor[valid] = described["descriptor"]
+        told = (batch.without("emitter") | {"descriptor": descriptor}).take(rows)
+        emitter.tell(self.archive, told, Info(info.status[rows], info.row[rows], info.removed))
 
-    def _done(self, pending: Pending, status: np.ndarray, rmse: float) -> None:
-        """Count and record a generation in which individuals were given this status, and whose own had this error."""
+    def _done(self, asked: Asked, status: np.ndarray, rmse: float) -> None:
+        """Count individuals that were given this status, and whose own had this error; record the generation if it is one."""
         counts = np.bincount(status - INVALID, minlength=len(_STATUS_NAMES)).tolist()  # INVALID is the lowest
         for value, name in _STATUS_NAMES.items():
             self._counts[name] += counts[value - INVALID]
-        self._pending = None
+        n, now = len(asked.proposal.genotype), time.perf_counter()
+        self._forget(asked)
+        self.evaluations += n
+        self._seconds += now - max(asked.since, self._until)  # those that overlap count once
+        self._until = now
+        if not asked.alone:
+            self._part += n
+            if self._part < self.batch_size:
+                return
+            self._part -= self.batch_size
         self.generation += 1
-        self.evaluations += len(pending.genotype)
-        self._seconds += time.perf_counter() - pending.since
+        if len(self.archive) and hasattr(self.resolution, "control"):
+            self.resolution.control(self.archive, self.generation)
         self._record(rmse)
 
-    def _updated(self, individuals: Batch) -> Update | None:
+    def _updated(self, individuals: Columns) -> Update | None:
         """What an update would change: on all that is stored, or, while nothing is, on the individuals about to be added; None
         when there are none either.
 
@@ -436,18 +559,18 @@ class Aurora:
         """
         archive = self.archive
         stored = len(archive) > 0
-        if not stored and len(individuals.genotype) == 0:
+        if not stored and individuals.rows == 0:
             return None
-        columns: Any = archive if stored else individuals
-        sources = Sources(columns.genotype, columns.observation, columns.ground_truth, columns.born)
-        enough = len(sources.observation) >= self._descriptor.rows_to_fit(sources.observation[0].size)
+        sources = archive.columns if stored else individuals
+        enough = sources.rows >= self._descriptor.rows_to_fit(sources["observation"][0].size)
+        follows = hasattr(self.resolution, "control")  # then it is asked for l once, and changes it from there
         update = updated(
             self._descriptor,
             sources,
             archive.descriptor if stored and self._descriptor.ready else None,
             refit=not self._descriptor.ready or (self._refits and enough),
             robust=self.robust,
-            resolution=self.resolution,
+            resolution=None if follows and stored else self.resolution,
         )
         return update if stored else update._replace(values=update.values[:0], error=None)
 
@@ -497,13 +620,6 @@ class Aurora:
             )
         )
 
-    def _check_progress(self, task: Callable) -> None:
-        if self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations:
-            raise TaskError(
-                f"task {name_of(task)} gave no valid individual in {self.generation} generations: fitness or observation was "
-                f"NaN or infinite for all {self.evaluations} evaluations"
-            )
-
 
 def _mean(values: np.ndarray) -> float:
     with np.errstate(over="ignore"):  # of the largest numbers the mean is infinite
@@ -515,49 +631,29 @@ def _say(warning: str | None) -> None:
         warnings.warn(warning, stacklevel=4)
 
 
-def _rmse(error: np.ndarray | None) -> float:
-    return np.nan if error is None else _mean(error)
+def _described(individuals: Columns, descriptor: Descriptor) -> Columns:
+    """The columns that an archive takes."""
+    if individuals.rows == 0:
+        return Columns({})
+    values, error = descriptor.describe(individuals)
+    found = {"descriptor": values} if error is None else {"descriptor": values, "reconstruction_error": error}
+    return individuals.without("emitter") | found
 
 
-class _Budget:
-    """How much a call of `run` may use."""
+def _without_parents(genotype: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    nobody = np.full(len(genotype), -1)
+    return genotype, nobody, nobody
 
-    def __init__(
-        self,
-        aurora: Aurora,
-        generations: int | None,
-        evaluations: int | None,
-        seconds: float | None,
-        until_generation: int | None,
-    ):
-        if generations is None and evaluations is None and seconds is None and until_generation is None:
-            raise ValueError("run needs a budget: generations, evaluations, seconds or until_generation")
-        self._aurora = aurora
-        self._generations = self._evaluations = self._deadline = np.inf
-        if generations is not None:
-            self._generations = aurora.generation + whole("generations", generations, least=0)
-        if until_generation is not None:
-            self._generations = min(self._generations, whole("until_generation", until_generation, least=0))
-        if evaluations is not None:
-            self._evaluations = aurora.evaluations + whole("evaluations", evaluations, least=0)
-        if seconds is not None:
-            self._deadline = time.monotonic() + number("seconds", seconds)
 
-    @property
-    def last_generation(self) -> int | None:
-        """The generation after which it is used up, at the latest; None where only the time says."""
-        aurora = self._aurora
-        batches = np.ceil(max(self._evaluations - aurora.evaluations, 0) / aurora.batch_size)
-        last = min(self._generations, aurora.generation + batches)
-        return int(last) if np.isfinite(last) else None
-
-    def used_up(self) -> bool:
-        """Whether one of the limits is reached."""
-        return (
-            self._aurora.generation >= self._generations
-            or self._aurora.evaluations >= self._evaluations
-            or time.monotonic() >= self._deadline
+def _emitters(emitter: Any, selection: Any, variation: Any) -> Shared:
+    """Of the arguments, in their short form or not."""
+    if emitter is None:
+        return shared(
+            Genetic(Curiosity() if selection is None else selection, Polynomial() if variation is None else variation)
         )
+    if selection is not None or variation is not None:
+        raise ValueError("selection and variation are the short form of emitter: give these, or that")
+    return shared(copy.deepcopy(emitter))
 
 
 def _resolution_for(archive: Archive, resolution: Any) -> Any:
@@ -568,30 +664,3 @@ def _resolution_for(archive: Archive, resolution: Any) -> Any:
         has_none = f"{type(archive).__name__} has none"
         raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {resolution!r}")
     return None
-
-
-def _check_callable(name: str, value: object) -> None:
-    if isinstance(value, type) or not callable(value):
-        raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")
-
-
-def _is_true(value: Any) -> bool:
-    """Whether it is True, of Python or of NumPy: what else a callback returns means nothing."""
-    return isinstance(value, bool | np.bool_) and bool(value)
-
-
-def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
-    """One callback, several or none as a list."""
-    if given is None:
-        return []
-    several = list(given) if isinstance(given, Sequence) else [given]
-    for callback in several:
-        _check_callable("callback", callback)
-    return several
-
-
-def _shown(aurora: Aurora, budget: _Budget) -> Any:
-    """A context that shows the progress of a run, and gives a callback."""
-    from auroraqd.progress import shown  # Rich takes time to import
-
-    return shown(aurora, budget.last_generation)

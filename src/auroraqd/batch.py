@@ -1,50 +1,51 @@
-"""Individuals on their way into the archive: asked for, evaluated, not yet added."""
+"""Individuals on their way into the archive: asked for, and told."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-
-class Pending(NamedTuple):
-    """A batch that was asked for and not told."""
-
-    genotype: np.ndarray  # (n, n_genes)
-    parent_id: np.ndarray  # (n,) int64, -1 for those without a parent
-    parent_row: np.ndarray  # (n,) int64, where the parents were when they were selected
-    rearranged: int  # the archive's count at that time
-    since: float
+from auroraqd.tasks.noise import seeds_of
 
 
-class Batch(NamedTuple):
-    """Individuals that have been evaluated and not yet added."""
+class Proposal(NamedTuple):
+    """Genotypes to evaluate.
 
+    Attributes:
+        ticket: by which they are told.
+        genotype: (n, n_genes) in [0, 1].
+        parent: (n,) int64, ids of their parents; -1 for those without.
+        emitter: (n,) int64, the number of the emitter that made them; -1 for none.
+        first: number of the first evaluation.
+        seed: of the run.
+    """
+
+    ticket: int
     genotype: np.ndarray
-    parent_id: np.ndarray
-    parent_row: np.ndarray
-    born: np.ndarray  # (n,) int64, the number of the evaluation; -1 where it is not known
-    fitness: np.ndarray
-    observation: np.ndarray
-    ground_truth: np.ndarray | None
+    parent: np.ndarray
+    emitter: np.ndarray
+    first: int
+    seed: int
 
     @property
-    def sources(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """What a descriptor may read."""
-        return self.genotype, self.observation, self.ground_truth
+    def born(self) -> np.ndarray:
+        """(n,) int64: the numbers of their evaluations."""
+        return np.arange(self.first, self.first + len(self.genotype))
 
-    def only(self, rows: np.ndarray) -> "Batch":
-        """These rows, (n,) bool."""
-        if rows.all():
-            return self
-        columns: Any = (None if column is None else column[rows] for column in self)
-        return Batch(*columns)
+    @property
+    def seeds(self) -> np.ndarray:
+        """(n,) uint64: one for each, for a task whose outcome depends on chance."""
+        return seeds_of(self.seed, self.first, len(self.genotype))
 
-    def copied(self) -> "Batch":
-        """The same in memory of its own: a task may use its arrays again."""
-        columns: Any = (None if column is None else column.copy() for column in self)
-        return Batch(*columns)
 
-    def joined(self, other: "Batch") -> "Batch":
-        """These and the others."""
-        pairs: Any = zip(self, other, strict=True)
-        columns: Any = (None if one is None else np.concatenate([one, two]) for one, two in pairs)
-        return Batch(*columns)
+class Asked(NamedTuple):
+    """A proposal that is out.
+
+    Attributes:
+        proposal: what was asked for.
+        alone: whether it is a generation by itself.
+        since: when that was, s.
+    """
+
+    proposal: Proposal
+    alone: bool
+    since: float

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._checks import numbers, shown, whole
-from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive
+from auroraqd.archive import NEW, REPLACED, Archive, Placement
+from auroraqd.individuals import Columns
 
 
 class CellArchive(Archive):
@@ -45,11 +46,6 @@ class CellArchive(Archive):
         """Dimensions of the descriptors."""
 
     @property
-    def full(self) -> bool:
-        """False: every cell has its place."""
-        return False
-
-    @property
     def cell(self) -> np.ndarray:
         """(n,) int64: the cell of each individual."""
         cells = np.empty(len(self), np.int64)
@@ -76,40 +72,33 @@ class CellArchive(Archive):
         self._check_descriptor(descriptor)
         return len(np.unique(self._cells(descriptor))) == len(descriptor)
 
-    def _check(self, batch: dict[str, np.ndarray]) -> None:
+    def _check(self, batch: Columns) -> None:
         super()._check(batch)
         self._check_descriptor(batch["descriptor"])
 
-    def _add_again(self, new: dict[str, np.ndarray], least: int) -> int:
+    def _add_again(self, new: Columns, least: int) -> int:
         self._check_descriptor(new["descriptor"])
         return super()._add_again(new, least)
 
-    def _clear(self) -> None:
-        self._row_of = {}
-        self._elite = []
-
-    def _remember(self) -> None:
-        cells = self._cells(self.descriptor).tolist()
+    def reindex(self) -> None:
+        """As `Archive.reindex`."""
+        cells = self._cells(self.descriptor).tolist() if len(self) else []
         self._row_of = {cell: row for row, cell in enumerate(cells)}
         self._elite = self.fitness.tolist()
 
-    def _place(self, descriptor: np.ndarray, fitness: np.ndarray, status: np.ndarray) -> np.ndarray:
-        target = np.full(len(descriptor), -1)
-        valid = np.flatnonzero(status != INVALID)
-        cells = self._cells(descriptor[valid]).tolist()
-        for i, cell, value in zip(valid.tolist(), cells, fitness[valid].tolist(), strict=True):
+    def place(self, batch: Columns) -> Placement:
+        """As `Archive.place`, by the rule above."""
+        status, rows = np.zeros(batch.rows, np.int8), np.full(batch.rows, -1)
+        cells = self._cells(batch["descriptor"]).tolist()
+        for i, (cell, fitness) in enumerate(zip(cells, batch["fitness"].tolist(), strict=True)):
             row = self._row_of.setdefault(cell, len(self._elite))
             if row == len(self._elite):
-                self._elite.append(value)
-                status[i] = NEW
-            elif value > self._elite[row]:
-                self._elite[row] = value
-                status[i] = REPLACED
-            else:
-                status[i] = REJECTED
-                continue
-            target[i] = row
-        return target
+                self._elite.append(fitness)
+                status[i], rows[i] = NEW, row
+            elif fitness > self._elite[row]:
+                self._elite[row] = fitness
+                status[i], rows[i] = REPLACED, row
+        return Placement(status, rows)
 
 
 class GridArchive(CellArchive):

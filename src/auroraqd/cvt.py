@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -156,6 +157,11 @@ class CVTArchive(CellArchive):
     def constants(self) -> dict[str, np.ndarray]:
         """The centroids."""
         return {"centroids": self.tessellation.centroids}
+
+    @classmethod
+    def made(cls, settings: Mapping[str, Any], constants: Mapping[str, np.ndarray]) -> CVTArchive:
+        """As `Archive.made`."""
+        return cls(Tessellation(constants["centroids"], settings["asked"], settings["samples"], settings["steps"]))
 
     @property
     def n_cells(self) -> int:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from auroraqd import _solvers
 from auroraqd._affine import Affine
 from auroraqd._checks import finite_rows, numbers, numeric, rows_of, shown
+from auroraqd.individuals import Columns
 from auroraqd.scaling import Scaler, Scaling
 
 HAND_CODED = "hand-coded"
@@ -117,11 +118,12 @@ class Descriptor:
         components = getattr(last, "n_components", 1)
         return 1 + min(int(components), features) if isinstance(components, int | np.integer) else 2
 
-    def readable(self, observation: np.ndarray, ground_truth: np.ndarray | None) -> np.ndarray:
+    def readable(self, individuals: Columns) -> np.ndarray:
         """(n,) bool: individuals without a NaN or an infinity in the observation, and in the ground truth if it reads it."""
-        if self.source == HAND_CODED and ground_truth is not None:
-            return finite_rows(observation) & finite_rows(ground_truth)
-        return finite_rows(observation)
+        finite = finite_rows(individuals["observation"])
+        if self.source == HAND_CODED and "ground_truth" in individuals:
+            return finite & finite_rows(individuals["ground_truth"])
+        return finite
 
     def refitted(self, observation: np.ndarray) -> "Descriptor":
         """A new descriptor, learned from observations, (n, ...). The old one stays as it was, whatever happens.
@@ -201,9 +203,7 @@ class Descriptor:
             raise DescriptorError(f"the inverse of {self} raised, for descriptor of shape {z.shape}: {error}") from error
         return self.scaler.inverse(x).reshape(len(z), *self.shape)
 
-    def describe(
-        self, genotype: np.ndarray, observation: np.ndarray, ground_truth: np.ndarray | None
-    ) -> tuple[np.ndarray, np.ndarray | None]:
+    def describe(self, individuals: Columns) -> tuple[np.ndarray, np.ndarray | None]:
         """Descriptors, (n, d) float64, and the root mean square error of each reconstruction, (n,), or None.
 
         The error is over the entries of an observation, on the [-1, 1] scale of the descriptor's input.
@@ -212,7 +212,8 @@ class Descriptor:
             DescriptorError: there is no ground truth to read, or the transformer raises or returns something else than (n, d).
         """
         if not self.learned:
-            return self._read(genotype, ground_truth), None
+            return self._read(individuals), None
+        observation = individuals["observation"]
         if self.affine is not None:
             return self.affine.describe(self._flat(observation))
         x = self._scaled(observation)
@@ -246,12 +247,12 @@ class Descriptor:
             raise DescriptorError(f"{self} must return shape ({len(x)}, descriptor dimensions), got {z.shape}")
         return z
 
-    def _read(self, genotype: np.ndarray, ground_truth: np.ndarray | None) -> np.ndarray:
+    def _read(self, individuals: Columns) -> np.ndarray:
         if self.source == GENOTYPE:
-            return genotype
-        if ground_truth is None:
+            return individuals["genotype"]
+        if "ground_truth" not in individuals:
             raise DescriptorError("a hand-coded descriptor reads the ground truth, but the task gives none")
-        return np.asarray(ground_truth, np.float64).reshape(len(ground_truth), -1)
+        return np.asarray(individuals["ground_truth"], np.float64).reshape(individuals.rows, -1)
 
 
 def _seeded(transformer: Any, rng: np.random.Generator) -> Any:

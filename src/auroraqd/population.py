@@ -1,31 +1,24 @@
-"""The columns of stored individuals.
+"""The columns of an archive in memory: contiguous, grown by doubling, without sentinels (a row exists or it does not).
 
-A population is a set of arrays with one row an individual: contiguous, grown by doubling, without sentinels (a row exists
-or it does not). Columns take their shape and dtype from the first individuals, so images stay uint8.
+Columns take their shape and dtype from the first individuals, so images stay uint8.
 """
-
-from collections.abc import Mapping
 
 import numpy as np
 
-REQUIRED = ("genotype", "fitness", "observation", "descriptor", "curiosity", "id")
-"""Columns that all individuals have."""
-
-ORIGIN = ("born", "parent")
-"""Columns that individuals have had since version 0.3, -1 where it is not known."""
-
-COLUMNS = (*REQUIRED, "ground_truth", "reconstruction_error", *ORIGIN)
-"""All columns."""
+from auroraqd.individuals import Columns
 
 
 class Population:
     """Rows 0 to `len(population)` of named columns.
 
-    Columns are read as attributes-by-name (`population["fitness"]`): read-only views of the rows in use.
+    Columns are read by name (`population["fitness"]`): read-only views of the rows in use.
+
+    Args:
+        like: the columns it is to have, of any rows.
     """
 
-    def __init__(self):
-        self._columns: dict[str, np.ndarray] = {}
+    def __init__(self, like: Columns = Columns({})):
+        self._columns = {name: np.empty((0, *rows.shape[1:]), rows.dtype) for name, rows in like.items()}
         self._size = 0
 
     def __len__(self) -> int:
@@ -39,30 +32,28 @@ class Population:
         view.flags.writeable = False
         return view
 
-    def define(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Create columns with the row shapes and dtypes of these arrays."""
-        self._columns = {name: np.empty((0, *rows.shape[1:]), rows.dtype) for name, rows in columns.items()}
+    @property
+    def columns(self) -> Columns:
+        """All of them, as views."""
+        return Columns({name: self[name] for name in self._columns})
 
     def raw(self, name: str) -> np.ndarray:
-        """The whole array of a column, unused rows included, for kernels that write. Invalid after `reserve`."""
+        """The whole array of a column, unused rows included, for kernels that write. Invalid after `write`."""
         return self._columns[name]
 
-    def reserve(self, rows: int) -> None:
-        """Make room for this many rows in all."""
+    def write(self, target: np.ndarray, rows: Columns, size: int) -> None:
+        """Write rows at these places, and have `size` in all. Of several rows for one place, the last stays."""
+        self._reserve(size)
+        for name, values in rows.items():
+            self._columns[name][target] = values
+        self._size = size
+
+    def _reserve(self, rows: int) -> None:
         for name, column in self._columns.items():
             if rows > len(column):
                 grown = np.empty((max(rows, 2 * len(column), 16), *column.shape[1:]), column.dtype)
                 grown[: self._size] = column[: self._size]
                 self._columns[name] = grown
-
-    def resize(self, size: int) -> None:
-        """Declare how many rows are in use; there must be room."""
-        self._size = size
-
-    def write(self, target: np.ndarray, rows: Mapping[str, np.ndarray]) -> None:
-        """Write rows at these places. Of several rows for one place, the last stays."""
-        for name, values in rows.items():
-            self._columns[name][target] = values
 
     def gather(self, source: np.ndarray) -> None:
         """Keep the rows `source`, (n,), in this order."""
@@ -77,3 +68,27 @@ class Population:
     def drop(self, name: str) -> None:
         """Remove a column if it is there."""
         self._columns.pop(name, None)
+
+
+class Rows:
+    """Where individuals are: ids, which are dense, to rows."""
+
+    def __init__(self) -> None:
+        self._row = np.zeros(0, np.int32)  # and one more, so that 0 is nowhere: memory that nobody writes to costs nothing
+
+    def set(self, ids: np.ndarray, rows: np.ndarray) -> None:
+        """These individuals, (n,), are in these rows, or nowhere where that is -1."""
+        if len(ids) and ids.max() >= len(self._row):
+            grown = np.zeros(max(int(ids.max()) + 1, 2 * len(self._row)), np.int32)
+            grown[: len(self._row)] = self._row
+            self._row = grown
+        self._row[ids] = rows + 1
+
+    def of(self, ids: np.ndarray) -> np.ndarray:
+        """The rows of individuals, (n,) int64; -1 of those that are nowhere."""
+        known = (ids >= 0) & (ids < len(self._row))
+        if known.all():
+            return self._row[ids] - np.int64(1)
+        rows = np.full(ids.shape, -1)
+        rows[known] = self._row[ids[known]] - np.int64(1)
+        return rows

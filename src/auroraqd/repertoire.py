@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from auroraqd._checks import in_short, numbers, whole
 from auroraqd.descriptor import Descriptor
 from auroraqd.history import History
-from auroraqd.population import COLUMNS, ORIGIN, REQUIRED
+from auroraqd.individuals import KNOWN, Columns, Individuals, stored
 from auroraqd.provenance import genes_in
 from auroraqd.scaling import Scaling, far_outside
 from auroraqd.tasks import Evaluation, Genes, evaluated
@@ -84,7 +84,7 @@ class Origin(Protocol):
         ...
 
 
-class Repertoire:
+class Repertoire(Individuals):
     """A collection of behaviours: the columns of the archive it comes from, an individual a row, read-only.
 
     Args:
@@ -94,85 +94,28 @@ class Repertoire:
     """
 
     def __init__(self, columns: Mapping[str, np.ndarray], origin: Origin):
-        missing = [name for name in REQUIRED if name not in columns]
-        if missing:
-            raise ValueError(f"a repertoire must have the columns {', '.join(REQUIRED)}; there is no {', '.join(missing)}")
-        if len({len(column) for column in columns.values()}) > 1:
-            raise ValueError(f"the columns of a repertoire must be of one length, got {[len(c) for c in columns.values()]}")
-        for name, ndim in (("genotype", 2), ("fitness", 1), ("descriptor", 2), ("curiosity", 1), ("id", 1)):
-            if columns[name].ndim != ndim:
-                raise ValueError(f"{name} must have {ndim} axes, got shape {columns[name].shape}")
-        unknown = {name: np.full(len(columns["id"]), -1) for name in ORIGIN if name not in columns}
         self._origin = origin
-        self._take({**columns, **unknown})
+        self._take(dict(stored(columns)))
 
     def _take(self, columns: dict[str, np.ndarray]) -> None:
-        self._columns = columns
         for column in columns.values():
             column.flags.writeable = False
+        self._columns = Columns(columns)
+
+    @property
+    def columns(self) -> Columns:
+        """All columns."""
+        return self._columns
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"columns": self._columns, "origin": self._origin}  # what was derived from them is derived again
+        return {"columns": dict(self._columns), "origin": self._origin}  # what was derived from them is derived again
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self._origin = state["origin"]
         self._take(state["columns"])  # copies of arrays can be written to
 
-    def __len__(self) -> int:
-        return len(self._columns["id"])
-
     def __repr__(self) -> str:
         return f"Repertoire of {len(self)} individuals, descriptors of {self.descriptor.shape[1]} dimensions"
-
-    @property
-    def genotype(self) -> np.ndarray:
-        """(n, n_genes) float64."""
-        return self._columns["genotype"]
-
-    @property
-    def fitness(self) -> np.ndarray:
-        """(n,) float64."""
-        return self._columns["fitness"]
-
-    @property
-    def observation(self) -> np.ndarray:
-        """(n, ...), in the shape and dtype of the task."""
-        return self._columns["observation"]
-
-    @property
-    def descriptor(self) -> np.ndarray:
-        """(n, d) float64."""
-        return self._columns["descriptor"]
-
-    @property
-    def ground_truth(self) -> np.ndarray | None:
-        """(n, ...), or None."""
-        return self._columns.get("ground_truth")
-
-    @property
-    def reconstruction_error(self) -> np.ndarray | None:
-        """(n,) float64, or None."""
-        return self._columns.get("reconstruction_error")
-
-    @property
-    def curiosity(self) -> np.ndarray:
-        """(n,) float64."""
-        return self._columns["curiosity"]
-
-    @property
-    def id(self) -> np.ndarray:
-        """(n,) int64."""
-        return self._columns["id"]
-
-    @property
-    def born(self) -> np.ndarray:
-        """(n,) int64: the number of its evaluation in the run, the first is 0; -1 where it is not known."""
-        return self._columns["born"]
-
-    @property
-    def parent(self) -> np.ndarray:
-        """(n,) int64: the id of its parent, which may have been replaced; -1 for none, or where it is not known."""
-        return self._columns["parent"]
 
     @cached_property
     def config(self) -> dict[str, Any]:
@@ -359,7 +302,7 @@ class Repertoire:
             genes = genes_in(self.config)
         except (OSError, ValueError):
             return None
-        return None if genes is None or len(genes) != self.genotype.shape[1] or set(genes.names) & set(COLUMNS) else genes
+        return None if genes is None or len(genes) != self.genotype.shape[1] or set(genes.names) & set(KNOWN) else genes
 
     def _check_any(self, purpose: str) -> None:
         if len(self) == 0:

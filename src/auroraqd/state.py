@@ -5,31 +5,32 @@ crash. Wall-clock times are left out, so equal runs have equal states.
 """
 
 import time
-from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd import resolution, schedule, selection, variation
-from auroraqd.archive import Archive, UnstructuredArchive
+from auroraqd.archive import Archive
 from auroraqd.aurora import SURVIVAL, Aurora
-from auroraqd.batch import Batch, Pending
-from auroraqd.cells import GridArchive
-from auroraqd.cvt import CVTArchive, Tessellation
+from auroraqd.batch import Asked, Proposal
 from auroraqd.descriptor import Descriptor
+from auroraqd.emitters import Genetic, Shared, shared
 from auroraqd.history import History, Record
-from auroraqd.population import COLUMNS
+from auroraqd.individuals import KNOWN, Columns
+from auroraqd.parts import archive_as_json, archive_made, as_json, made
+from auroraqd.unstructured import UnstructuredArchive
 from auroraqd.update import Attempts
 
-_STRATEGIES = {"selection": selection, "variation": variation, "resolution": resolution, "schedule": schedule}
+_STRATEGIES = ("resolution", "schedule")
 _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits", "_update_due", "_counts")
-_SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0}  # plain too, and not in files of version 0.2.0
+_SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0, "_tickets": 0, "_part": 0}  # and not in files of version 0.2.0
+_LATER = ("_next_evaluation", "_current")  # likewise, but following from the rest
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
 _TASKS = ("_task", "_earlier_task")  # in config.json: equal runs have equal states, also of tasks that tell their address
-_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds", "_attempts", *_TASKS)
+_TIMES = ("_seconds", "_until")
+_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_asked", "_emitters", "_attempts", *_TASKS)
 
-FIELDS = {*_PLAIN, *_SINCE, *_OTHERS}
+FIELDS = {*_PLAIN, *_SINCE, *_LATER, *_TIMES, *_OTHERS}
 """All attributes of `Aurora` that are kept, or derived again. What users add to theirs is not kept."""
 
 
@@ -47,40 +48,64 @@ class State(NamedTuple):
 
 def state_of(aurora: Aurora) -> State:
     """The state of a run at any moment, also between `ask` and `tell`."""
-    archive, records = aurora.archive, aurora.history.records
+    archive, records, asked = aurora.archive, aurora.history.records, list(aurora._asked.values())
+    emitted = [_state_of_emitter(emitter) for emitter in aurora._emitters.emitters]
     values = {
-        **{name: getattr(aurora, name) for name in (*_PLAIN, *_SINCE)},
+        **{name: getattr(aurora, name) for name in (*_PLAIN, *_SINCE, *_LATER)},
         "attempts": list(aurora._attempts),
         "settings": settings_of(aurora),
         "random": aurora._rng.bit_generator.state,
         "archive": archive.state,
         "history_gap": aurora.history.gap,
         "shape": list(aurora.descriptor.shape),
-        "rearranged": None if aurora._pending is None else aurora._pending.rearranged,
+        "asked": [[a.proposal.ticket, len(a.proposal.genotype), a.proposal.first, a.alone] for a in asked],
+        "emitters": [state.values for state in emitted],
     }
-    columns = {name: getattr(archive, name) for name in COLUMNS}
     arrays = {
-        **{name: column for name, column in columns.items() if column is not None},
+        **archive.columns,
         **{f"archive.{name}": array for name, array in archive.constants.items()},
         "history": np.array([[getattr(r, name) for name in _RECORDED] for r in records], np.float64).reshape(
             -1, len(_RECORDED)
         ),
+        **_prefixed("waiting", aurora._waiting or {}),
+        **_prefixed("pending", _joined([a.proposal for a in asked])),
     }
-    for prefix, batch in (("pending", aurora._pending), ("waiting", aurora._waiting)):
-        fields = {} if batch is None else batch._asdict()
-        arrays.update({f"{prefix}.{name}": array for name, array in fields.items() if isinstance(array, np.ndarray)})
+    if not len(archive):
+        arrays.update({name: getattr(archive, name) for name, kind in KNOWN.items() if kind.always})
+    for number, state in enumerate(emitted):
+        arrays.update(_prefixed(f"emitter{number}", state.arrays))
     return State(values, arrays)
 
 
-def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float], parts: Mapping[str, Any]) -> Aurora:
+def _prefixed(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {f"{prefix}.{name}": array for name, array in arrays.items()}
+
+
+def _joined(proposals: Sequence[Proposal]) -> dict[str, np.ndarray]:
+    """The columns of proposals, one after the other; none of none."""
+    names = ("genotype", "parent", "emitter")
+    return {name: np.concatenate([getattr(p, name) for p in proposals]) for name in names} if proposals else {}
+
+
+def _state_of_emitter(emitter: Any) -> State:
+    """What an emitter remembers, JSON values and arrays apart."""
+    found = dict(emitter.state()) if hasattr(emitter, "state") else {}
+    arrays = {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
+    return State({name: value for name, value in found.items() if name not in arrays}, arrays)
+
+
+def restored(
+    state: State, descriptor: Descriptor, seconds: Mapping[int, float], parts: Mapping[str, Any], trusted: Sequence[str] = ()
+) -> Aurora:
     """The run again.
 
     Args:
         state: of the run.
         descriptor: of the run.
         seconds: by generation, what the history said; NaN where it is not known.
-        parts: strategies and an empty archive to use instead of those of the state, by name. Needed where these are not of
-            auroraqd.
+        parts: strategies and an empty archive to use instead of those of the state, by name. Needed where these are neither of
+            auroraqd nor trusted.
+        trusted: full names of the classes that may be made.
 
     Raises:
         ValueError: a part is needed and not given.
@@ -92,34 +117,69 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     for name, value in _SINCE.items():
         setattr(aurora, name, values.get(name, value))
     aurora._attempts = Attempts(*values.get("attempts", ()))
-    for name, module in _STRATEGIES.items():
-        setattr(aurora, name, parts[name] if name in parts else _strategy(name, values["settings"][name], module))
-    archive = _archive(values["settings"]["archive"], _named("archive", arrays), parts.get("archive"))
-    archive.restore({name: arrays[name] for name in COLUMNS if name in arrays}, values["archive"])
+    settings = values["settings"]
+    for name in _STRATEGIES:
+        setattr(aurora, name, parts[name] if name in parts else made(name, settings[name], trusted))
+    aurora._emitters = _emitters(settings, parts, trusted)
+    for number, emitter in enumerate(aurora._emitters.emitters):
+        if hasattr(emitter, "restore"):
+            emitter.restore({**values["emitters"][number], **_named(f"emitter{number}", arrays)})
+    archive = archive_made(settings["archive"], _named("archive", arrays), parts.get("archive"), trusted)
+    archive.restore({name: array for name, array in arrays.items() if name in KNOWN or name in archive.own}, values["archive"])
     records = [_record(row, seconds) for row in arrays["history"]]
     rng = np.random.default_rng()
     rng.bit_generator.state = values["random"]
-    pending, waiting = _named("pending", arrays), _named("waiting", arrays)
     if aurora.resolution is not None and not isinstance(archive, UnstructuredArchive):
         raise ValueError(f"resolution is for an archive with a distance threshold l, and {type(archive).__name__} has none")
     _check_described(archive, descriptor)
     aurora.archive, aurora._descriptor, aurora._rng = archive, descriptor, rng
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
-    if waiting:  # an earlier version did not keep when they were born
-        waiting = {"ground_truth": None, "born": np.full(len(waiting["genotype"]), -1), **waiting}
+    aurora._until = 0.0
     aurora._task = aurora._earlier_task = None
-    aurora._waiting = Batch(**waiting) if waiting else None
-    aurora._pending = Pending(**pending, rearranged=values["rearranged"], since=time.perf_counter()) if pending else None
+    waiting = _individuals(_named("waiting", arrays))
+    aurora._waiting = waiting if waiting.rows else None
+    _ask_again(aurora, values, _individuals(_named("pending", arrays)))
     return aurora
+
+
+def _individuals(arrays: Mapping[str, np.ndarray]) -> Columns:
+    """Individuals on their way into the archive. Earlier versions did not keep when they were born, nor who made them."""
+    n = len(arrays.get("genotype", ()))
+    renamed = {{"parent_id": "parent"}.get(name, name): array for name, array in arrays.items() if name != "parent_row"}
+    return Columns({"born": np.full(n, -1), "emitter": np.zeros(n, np.int64), **renamed} if n else {})
+
+
+def _ask_again(aurora: Aurora, values: Mapping[str, Any], columns: Columns) -> None:
+    """Restore what was asked for and not told."""
+    asked = values.get("asked")
+    if asked is None:  # of version 0.2.0: the one batch
+        asked = [[aurora._ticket_base, columns.rows, aurora.evaluations, True]] if columns.rows else []
+        aurora._tickets = len(asked)
+    aurora._asked, aurora._current, start = {}, None, 0
+    aurora._next_evaluation = values.get("_next_evaluation", aurora.evaluations + columns.rows)
+    for ticket, n, first, alone in asked:
+        rows = slice(start, start + n)
+        parts = (columns[name][rows] for name in ("genotype", "parent", "emitter"))
+        aurora._asked[ticket] = Asked(Proposal(ticket, *parts, first, aurora.seed), alone, time.perf_counter())
+        aurora._current, start = ticket if alone else aurora._current, start + n
+
+
+def _emitters(settings: Mapping[str, Any], parts: Mapping[str, Any], trusted: Sequence[str]) -> Shared:
+    """The emitters of a run."""
+    if "emitter" in parts:
+        return shared(parts["emitter"])
+    if "emitters" not in settings or {"selection", "variation"} & set(parts):
+        short = ("selection", "variation")
+        return shared(Genetic(*(parts[name] if name in parts else made(name, settings[name], trusted) for name in short)))
+    return shared([(made("emitter", emitter, trusted), share) for emitter, share in settings["emitters"]])
 
 
 def _check_described(archive: Archive, descriptor: Descriptor) -> None:
     """Raise ValueError unless the descriptor gives descriptors like those that are stored."""
     if len(archive) == 0 or not descriptor.ready:
         return
-    truth = archive.ground_truth
-    values, _ = descriptor.describe(archive.genotype[:1], archive.observation[:1], None if truth is None else truth[:1])
+    values, _ = descriptor.describe(archive.columns.take(np.zeros(1, np.int64)))
     if values.shape[1] != archive.descriptor.shape[1]:
         raise ValueError(
             f"descriptor must have {values.shape[1]} dimensions, as {descriptor} gives, got {archive.descriptor.shape[1]}"
@@ -128,7 +188,13 @@ def _check_described(archive: Archive, descriptor: Descriptor) -> None:
 
 def settings_of(aurora: Aurora) -> dict[str, Any]:
     """The settings of a run as JSON values."""
-    archive = aurora.archive
+    genetic = aurora._genetic
+    emitters = [[as_json(emitter), share] for emitter, share in zip(*aurora._emitters, strict=True)]
+    made_by = (
+        {"selection": as_json(genetic.selection), "variation": as_json(genetic.variation)}
+        if genetic
+        else {"emitters": emitters}
+    )
     return {
         "n_genes": aurora.n_genes,
         "descriptor": _called(aurora.descriptor.source),
@@ -136,49 +202,16 @@ def settings_of(aurora: Aurora) -> dict[str, Any]:
         "batch_size": aurora.batch_size,
         "robust": aurora.robust,
         "survival": aurora.survival,
-        "archive": {"type": type(archive).__name__, **archive.settings},
+        "archive": archive_as_json(aurora.archive),
+        **made_by,
         **{name: as_json(getattr(aurora, name)) for name in _STRATEGIES},
     }
-
-
-def as_json(strategy: Any) -> Any:
-    """A strategy as its type and fields, or what it is called if it is no dataclass."""
-    if is_dataclass(strategy) and not isinstance(strategy, type):
-        return {"type": type(strategy).__name__, **asdict(strategy)}
-    return None if strategy is None else getattr(strategy, "__qualname__", repr(strategy))
 
 
 def _called(source: Any) -> str:
     """What a descriptor is called: its `repr` if that says more than where it lies in memory."""
     text = source if isinstance(source, str) else repr(source)
     return type(source).__qualname__ if " object at 0x" in text else text
-
-
-def _strategy(name: str, value: Any, module: Any) -> Any:
-    """A strategy from what `as_json` made of it."""
-    if value is None and name == "resolution":
-        return None
-    options = dict(value) if isinstance(value, Mapping) else {"type": value}
-    kind = getattr(module, str(options.pop("type", None)), None)
-    if not isinstance(value, Mapping) or not is_dataclass(kind):
-        raise ValueError(f"{name} was {value!r}, which is not of auroraqd: give it again, resume(..., {name}=...)")
-    return kind(**options)  # pyright: ignore[reportCallIssue] - a type
-
-
-def _archive(settings: Mapping[str, Any], constants: Mapping[str, np.ndarray], given: Archive | None) -> Archive:
-    """An empty archive from its settings and constants, or the one given if it is of the same type."""
-    options = dict(settings)
-    kind = options.pop("type")
-    if given is not None:
-        if type(given).__name__ != kind or len(given):
-            raise ValueError(f"archive must be an empty {kind}, as before, got {given!r}")
-        return given
-    if kind == CVTArchive.__name__:
-        return CVTArchive(Tessellation(constants["centroids"], options["asked"], options["samples"], options["steps"]))
-    for known in (UnstructuredArchive, GridArchive):
-        if kind == known.__name__:
-            return known(**options)
-    raise ValueError(f"archive was of the type {kind}, which is not of auroraqd: give an empty one, resume(..., archive=...)")
 
 
 def _named(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:

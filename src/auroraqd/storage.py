@@ -31,11 +31,10 @@ from auroraqd import _tensors, _transformers
 from auroraqd._checks import shown
 from auroraqd._files import as_path, folder_at, read_table, replacing
 from auroraqd._saved import check_arrays, check_values
-from auroraqd.archive import check_columns
 from auroraqd.aurora import Aurora
 from auroraqd.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
 from auroraqd.history import History, Record
-from auroraqd.population import COLUMNS
+from auroraqd.individuals import KNOWN
 from auroraqd.provenance import made_by, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.scaling import Scaling
@@ -135,8 +134,7 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
     trusted = _checked_trust(trusted)
 
     def repertoire(arrays: dict[str, np.ndarray], kind: str) -> Repertoire:
-        columns = {name: arrays.pop(name) for name in COLUMNS if name in arrays}
-        check_columns(columns)
+        columns = {name: arrays.pop(name) for name in KNOWN if name in arrays}
         return Repertoire(columns, _Origin(as_path("folder", folder).absolute(), kind, arrays, trusted))
 
     return _read(folder, repertoire)
@@ -172,8 +170,8 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
         trusted: full names of the types, beyond scikit-learn's, that may be created to load the descriptor.
         any_environment: whether to go on with other versions, or on another machine, than before: then rounding may differ,
             and the run takes another course.
-        parts: `selection`, `variation`, `resolution`, `schedule`, or an empty `archive`, to use instead of the saved ones.
-            Those that are not auroraqd's own must be given.
+        parts: `selection`, `variation` or `emitter`, `resolution`, `schedule`, or an empty `archive`, to use instead of the
+            saved ones. Those that are not auroraqd's own must be given, or their types trusted.
 
     Raises:
         TypeError: an argument is of the wrong kind.
@@ -183,12 +181,12 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
     Warns:
         UserWarning: the last checkpoint is damaged, and the one before it is taken.
     """
-    unknown = set(parts) - {"selection", "variation", "resolution", "schedule", "archive"}
+    unknown = set(parts) - {"selection", "variation", "emitter", "resolution", "schedule", "archive"}
     if unknown:
         raise TypeError(
-            f"resume takes a selection, variation, resolution, schedule or archive, not {', '.join(sorted(unknown))}"
+            f"resume takes a selection, variation, emitter, resolution, schedule or archive, not {', '.join(sorted(unknown))}"
         )
-    for name in set(parts) - {"archive"}:
+    for name in set(parts) - {"archive", "emitter"}:
         if not (callable(parts[name]) and not isinstance(parts[name], type)) and (name, parts[name]) != ("resolution", None):
             raise TypeError(f"{name} must be callable, an instance and not a class, got {parts[name]!r}")
     trusted = _checked_trust(trusted)
@@ -203,7 +201,7 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
         values = _values(arrays)
         check_arrays(values, arrays)
         descriptor = _descriptor(kind, arrays, values, trusted)
-        return restored(State(values, dict(arrays)), descriptor, _seconds(path), parts)
+        return restored(State(values, dict(arrays)), descriptor, _seconds(path), parts, trusted)
 
     aurora = _read(folder, run, "cannot go on")
     aurora._task = aurora._earlier_task = task_in(config)

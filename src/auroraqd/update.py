@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd.descriptor import Descriptor, DescriptorError
+from auroraqd.individuals import Columns
 from auroraqd.scaling import far_outside
 
 FIRST_FITS = 10  # times that a first fit is tried again, with ever more individuals
@@ -54,18 +55,9 @@ class Update(NamedTuple):
     l: float | None
 
 
-class Sources(NamedTuple):
-    """What descriptors read, a row an individual, and the number of its evaluation, for messages."""
-
-    genotype: np.ndarray
-    observation: np.ndarray
-    ground_truth: np.ndarray | None
-    born: np.ndarray
-
-
 def updated(
     descriptor: Descriptor,
-    sources: Sources,
+    individuals: Columns,
     before: np.ndarray | None,
     *,
     refit: bool,
@@ -76,7 +68,7 @@ def updated(
 
     Args:
         descriptor: as it is.
-        sources: of the n individuals that it is updated on.
+        individuals: n, that it is updated on.
         before: (n, d), their descriptors so far; None while there are none.
         refit: whether the descriptor is fitted on them.
         robust: whether observations far outside the others are set aside for that.
@@ -86,11 +78,11 @@ def updated(
         RefusedUpdate: it would do harm.
         DescriptorError: a descriptor that is not learned cannot describe.
     """
-    called = f"on {len(sources.observation):,} observations"
+    called = f"on {individuals.rows:,} observations"
     try:
         if refit:
-            descriptor = descriptor.refitted(_fitted_on(sources, robust))
-        values, error = descriptor.describe(*sources[:3])
+            descriptor = descriptor.refitted(_fitted_on(individuals, robust))
+        values, error = descriptor.describe(individuals)
     except DescriptorError as error:
         if not descriptor.learned:
             raise
@@ -103,9 +95,9 @@ def updated(
     return Update(descriptor, values, error, None if resolution is None else _threshold(resolution, values))
 
 
-def _fitted_on(sources: Sources, robust: bool) -> np.ndarray:
+def _fitted_on(individuals: Columns, robust: bool) -> np.ndarray:
     """The observations to fit a descriptor on, without those far outside."""
-    x = sources.observation
+    x = individuals["observation"]
     if len(x) > 1 and np.array_equal(x[0], x[-1]) and (x == x[0]).all():
         raise RefusedUpdate(f"all {len(x):,} observations are the same, so there is nothing to learn a descriptor from")
     far = far_outside(x) if robust else np.zeros(len(x), bool)
@@ -114,7 +106,7 @@ def _fitted_on(sources: Sources, robust: bool) -> np.ndarray:
     largest, count = np.abs(x[far].astype(np.float64)).max(), np.count_nonzero(far)
     warnings.warn(
         f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
-        f"{largest:.3g}, set aside for the fit: evaluation {_listed(sources.born[far])}. What is stored stays",
+        f"{largest:.3g}, set aside for the fit: evaluation {_listed(individuals['born'][far])}. What is stored stays",
         stacklevel=6,
     )
     return x[~far]

@@ -8,16 +8,17 @@ import numpy as np
 
 from auroraqd import resolution, schedule, selection, variation
 from auroraqd._checks import number, whole
-from auroraqd.archive import Archive, UnstructuredArchive
+from auroraqd.archive import Archive
 from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.cells import GridArchive
 from auroraqd.cvt import CVTArchive, tessellate
 from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
 from auroraqd.experiments.options import built, imported, keyword_parameters
+from auroraqd.parts import as_json
 from auroraqd.scaling import Scaling
-from auroraqd.state import as_json
 from auroraqd.tasks import AirHockey, Ballistic, TaskError, evaluated, name_of
 from auroraqd.tasks.noise import seeds_of
+from auroraqd.unstructured import UnstructuredArchive
 
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"

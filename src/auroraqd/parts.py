@@ -1,0 +1,108 @@
+"""The parts of a run, strategies, emitters and archives, as JSON values, and back.
+
+A part of auroraqd's own is known by the name of its class; one of yours by its full name, "mymodule.MyArchive", and made again
+only if that is trusted: to name a class in a file must not be enough to have its module run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from auroraqd import cells, cvt, emitters, resolution, schedule, selection, unstructured, variation
+from auroraqd.archive import Archive
+
+_HOMES = {
+    "selection": [selection],
+    "variation": [variation],
+    "resolution": [resolution],
+    "schedule": [schedule],
+    "emitter": [emitters],
+    "archive": [unstructured, cells, cvt],
+}
+
+
+def as_json(part: Any) -> Any:
+    """A part as its type and fields, parts among these likewise; or what it is called if it is no dataclass."""
+    if is_dataclass(part) and not isinstance(part, type):
+        return {"type": _called(type(part)), **{f.name: _field(getattr(part, f.name)) for f in fields(part)}}
+    return None if part is None else getattr(part, "__qualname__", repr(part))
+
+
+def _field(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return as_json(value)
+    return value.__qualname__ if callable(value) and hasattr(value, "__qualname__") else value
+
+
+def archive_as_json(archive: Archive) -> dict[str, Any]:
+    """The type and the settings of an archive."""
+    return {"type": _called(type(archive)), **archive.settings}
+
+
+def made(name: str, value: Any, trusted: Sequence[str]) -> Any:
+    """A part from what `as_json` made of it.
+
+    Args:
+        name: "selection", "variation", "resolution", "schedule" or "emitter".
+        value: JSON.
+        trusted: full names of the classes, beyond auroraqd's, that may be made.
+
+    Raises:
+        ValueError: it is of a class that is neither auroraqd's nor trusted, or cannot be made.
+    """
+    if value is None and name == "resolution":
+        return None
+    options = dict(value) if isinstance(value, Mapping) else {"type": value}
+    kind = _kind(name, options.pop("type", None), trusted)
+    if not isinstance(value, Mapping) or not is_dataclass(kind):
+        raise ValueError(f"{name} was {value!r}, which is not of auroraqd: give it again, resume(..., {name}=...)")
+    for part in set(options) & set(_HOMES):
+        options[part] = made(part, options[part], trusted)
+    return kind(**options)  # pyright: ignore[reportCallIssue] - a type
+
+
+def archive_made(value: Mapping[str, Any], constants: Mapping[str, np.ndarray], given: Any, trusted: Sequence[str]) -> Archive:
+    """An empty archive from its type, settings and constants, or the one given if it is of the same type.
+
+    Raises:
+        ValueError: it is of a class that is neither auroraqd's nor trusted, or another is given.
+    """
+    settings = dict(value)
+    named = settings.pop("type")
+    if given is not None:
+        if named not in (_called(type(given)), type(given).__name__) or len(given):
+            raise ValueError(f"archive must be an empty {named}, as before, got {given!r}")
+        return given
+    kind = _kind("archive", named, trusted)
+    if not (isinstance(kind, type) and issubclass(kind, Archive)):
+        raise ValueError(
+            f"archive was of the type {named}, which is not of auroraqd: give an empty one, resume(..., archive=...), or trust "
+            f"it, trusted=[{named!r}]"
+        )
+    return kind.made(settings, constants)
+
+
+def _called(kind: type) -> str:
+    own = kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+    return kind.__name__ if own else f"{kind.__module__}.{kind.__qualname__}"
+
+
+def _kind(name: str, called: Any, trusted: Sequence[str]) -> Any:
+    """The class of this name; None where there is none that may be made."""
+    text = str(called)
+    for home in _HOMES[name]:
+        found = getattr(home, text, None)
+        if isinstance(found, type) and found.__module__ == home.__name__:
+            return found
+    if text not in trusted:
+        return None
+    module, _, kind = text.rpartition(".")
+    try:
+        return getattr(import_module(module), kind)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"{name} was of the type {text}, which cannot be imported here: {error}") from None

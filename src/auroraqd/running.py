@@ -1,0 +1,113 @@
+"""Running: generation after generation on a task, within a budget, with callbacks."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auroraqd._checks import number, whole
+from auroraqd.emitters import check_callable
+from auroraqd.tasks import TaskError, evaluated, name_of
+
+if TYPE_CHECKING:
+    from auroraqd.aurora import Aurora
+
+
+def run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callback: Any, progress: bool) -> None:
+    """See `Aurora.run`, whose arguments have been checked, but for the callback."""
+    callbacks = _callbacks(callback)
+    how = aurora.remember(task)
+    if how is not None:
+        warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
+    with _shown(aurora, budget) if progress else nullcontext() as show:
+        _run(aurora, task, budget, known, callbacks if show is None else [*callbacks, show])
+
+
+def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callbacks: list[Callable]) -> None:
+    while not budget.used_up():
+        if aurora.pending is None and known is not None:
+            aurora.ask_known(known)
+            known = None
+        genotypes = aurora.ask() if aurora.pending is None else aurora.pending
+        seeds = aurora.seeds if getattr(task, "seeded", False) else None
+        evaluation = evaluated(task, genotypes, seeds, f"at generation {aurora.generation}")
+        try:
+            aurora.check_as_before(evaluation)
+        except ValueError as error:
+            raise TaskError(f"task {name_of(task)} at generation {aurora.generation}: {error}") from error
+        aurora.tell(*evaluation)
+        if aurora.hopeless:
+            raise TaskError(
+                f"task {name_of(task)} gave no valid individual in {aurora.generation} generations: fitness or observation was "
+                f"NaN or infinite for all {aurora.evaluations} evaluations"
+            )
+        if any([_is_true(callback(aurora)) for callback in callbacks]):
+            break
+
+
+class Budget:
+    """How much a call of `run` may use."""
+
+    def __init__(
+        self,
+        aurora: Aurora,
+        generations: int | None,
+        evaluations: int | None,
+        seconds: float | None,
+        until_generation: int | None,
+    ):
+        if generations is None and evaluations is None and seconds is None and until_generation is None:
+            raise ValueError("run needs a budget: generations, evaluations, seconds or until_generation")
+        self._aurora = aurora
+        self._generations = self._evaluations = self._deadline = np.inf
+        if generations is not None:
+            self._generations = aurora.generation + whole("generations", generations, least=0)
+        if until_generation is not None:
+            self._generations = min(self._generations, whole("until_generation", until_generation, least=0))
+        if evaluations is not None:
+            self._evaluations = aurora.evaluations + whole("evaluations", evaluations, least=0)
+        if seconds is not None:
+            self._deadline = time.monotonic() + number("seconds", seconds)
+
+    @property
+    def last_generation(self) -> int | None:
+        """The generation after which it is used up, at the latest; None where only the time says."""
+        aurora = self._aurora
+        batches = np.ceil(max(self._evaluations - aurora.evaluations, 0) / aurora.batch_size)
+        last = min(self._generations, aurora.generation + batches)
+        return int(last) if np.isfinite(last) else None
+
+    def used_up(self) -> bool:
+        """Whether one of the limits is reached."""
+        return (
+            self._aurora.generation >= self._generations
+            or self._aurora.evaluations >= self._evaluations
+            or time.monotonic() >= self._deadline
+        )
+
+
+def _is_true(value: Any) -> bool:
+    """Whether it is True, of Python or of NumPy: what else a callback returns means nothing."""
+    return isinstance(value, bool | np.bool_) and bool(value)
+
+
+def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
+    """One callback, several or none as a list."""
+    if given is None:
+        return []
+    several = list(given) if isinstance(given, Sequence) else [given]
+    for callback in several:
+        check_callable("callback", callback)
+    return several
+
+
+def _shown(aurora: Aurora, budget: Budget) -> Any:
+    """A context that shows the progress of a run, and gives a callback."""
+    from auroraqd.progress import shown  # Rich takes time to import
+
+    return shown(aurora, budget.last_generation)

@@ -1,0 +1,189 @@
+"""The archive of the paper: the container of Novelty Search with Local Competition, without cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auroraqd import _neighbours
+from auroraqd._checks import number, shown, whole
+from auroraqd._interrupts import uninterrupted
+from auroraqd.archive import Archive, Placement
+from auroraqd.individuals import Columns
+
+_MOST_ROWS = int(np.iinfo(np.int32).max)
+
+
+class UnstructuredArchive(Archive):
+    """An archive without cells: an individual is new when its descriptor is farther than l from all others.
+
+    The rule, for one individual at a time, with d1 and d2 the distances to its nearest and second nearest [1]:
+
+    - d1 > l, or nothing stored: it is added;
+    - d2 < (1 - epsilon) l: it is rejected, for it would crowd a second neighbour;
+    - otherwise it competes with the nearest for its place.
+
+    So at fixed l no two stored are closer than (1 - epsilon) l. Novelty is the mean distance to the k nearest, the nearest
+    itself left out for both. `competition` is "dominance", the exclusive epsilon-dominance on (fitness, novelty) of [1], which
+    the AURORA paper uses; or "elitist", where the fitter stays and novelty decides between equals.
+
+    [1] A. Cully, Y. Demiris, Quality and Diversity Optimization: A Unifying Modular Framework, IEEE TEVC 2018.
+
+    Args:
+        l: distance threshold, in units of the descriptor. 0 keeps every descriptor that differs, by 1e-154 at least: squares of
+            less vanish. `Aurora` sets it.
+        k: neighbours that make up the novelty.
+        epsilon: tolerance of the rule, from 0 to below 1.
+        competition: "dominance" or "elitist".
+        capacity: the most individuals to store; beyond it new ones are rejected, and replacement goes on. None: no limit.
+    """
+
+    def __init__(
+        self,
+        *,
+        l: float = 0.0,
+        k: int = 15,
+        epsilon: float = 0.1,
+        competition: Literal["dominance", "elitist"] = "dominance",
+        capacity: int | None = None,
+    ) -> None:
+        super().__init__()
+        if not isinstance(competition, str) or competition not in ("dominance", "elitist"):
+            raise ValueError(f"competition must be 'dominance' or 'elitist', got {shown(competition)}")
+        self._k = whole("k", k, most=10**6)
+        self._epsilon = number("epsilon", epsilon, most=np.nextafter(1, 0), wanted="0 or more and below 1")
+        self._competition = competition
+        self._capacity = None if capacity is None else whole("capacity", capacity, most=_MOST_ROWS)
+        self._l = number("l", l)
+        self._scratch = _neighbours.scratch(self._k)
+        self.reindex()
+
+    def __getstate__(self) -> dict[str, Any]:
+        derived = ("_tree", "_stored", "_scratch")  # arrays of which some share memory, which a copy would undo
+        return {name: value for name, value in super().__getstate__().items() if name not in derived}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self._scratch = _neighbours.scratch(self._k)
+        self.reindex()
+
+    def __repr__(self) -> str:
+        return (
+            f"UnstructuredArchive(l={self.l:.6g}, k={self.k}, epsilon={self.epsilon}, competition={self.competition!r}, "
+            f"capacity={self.capacity}): {len(self)} individuals"
+        )
+
+    @property
+    def k(self) -> int:
+        """Neighbours that make up the novelty."""
+        return self._k
+
+    @property
+    def epsilon(self) -> float:
+        """Tolerance of the addition rule."""
+        return self._epsilon
+
+    @property
+    def competition(self) -> str:
+        """Who stays of two alike: "dominance" or "elitist"."""
+        return self._competition
+
+    @property
+    def capacity(self) -> int | None:
+        """The most individuals to store, or None."""
+        return self._capacity
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The parameters, as JSON values; l, which changes, is in the history."""
+        return {name: getattr(self, name) for name in ("k", "epsilon", "competition", "capacity")}
+
+    @property
+    def full(self) -> bool:
+        """Whether the capacity is reached: new ones are rejected, replacement goes on."""
+        return self._capacity is not None and len(self) >= self._capacity
+
+    @property
+    def l(self) -> float:
+        """Distance threshold. Setting it adds all again, oldest first; `adjust` does not."""
+        return self._l
+
+    @l.setter
+    def l(self, value: float) -> None:
+        self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=value)
+
+    def adjust(self, l: float) -> None:
+        """Set the distance threshold for those to come. What is stored stays, at any distance."""
+        self._l = number("l", l)
+
+    def redescribe(
+        self,
+        descriptor: ArrayLike,
+        *,
+        reconstruction_error: ArrayLike | None = None,
+        least: int = 0,
+        l: float | None = None,
+    ) -> int:
+        """As `Archive.redescribe`, with a new l if one is given."""
+        with self._lock, uninterrupted():
+            previous = self._l
+            self._l = previous if l is None else number("l", l)
+            taken = False
+            try:
+                staying = super().redescribe(descriptor, reconstruction_error=reconstruction_error, least=least)
+                taken = staying >= least
+            finally:
+                if not taken:
+                    self._l = previous
+            return staying
+
+    def novelty(self) -> np.ndarray:
+        """(n,) float64: mean distance of each individual to its k nearest, itself left out."""
+        if len(self) == 0:
+            return np.empty(0)
+        return _neighbours.novelties(self._tree, self.descriptor, self.k)
+
+    def reindex(self) -> None:
+        """As `Archive.reindex`."""
+        self._tree: _neighbours.Tree | None = None
+        self._stored: _neighbours.Stored | None = None
+        self._indexed = len(self)
+        if len(self):
+            self._tree, self._stored = _neighbours.indexed(self.descriptor, self.fitness)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What changes beside the columns, as JSON values."""
+        return {**super().state, "l": self._l}
+
+    def restore(self, columns: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
+        """As `Archive.restore`."""
+        with self._lock, uninterrupted():
+            l = number("l", state.get("l"))
+            super().restore(columns, state)
+            self._l = l
+
+    def _apart(self, descriptor: np.ndarray) -> bool:
+        whole_rows = np.dtype((np.void, descriptor.itemsize * descriptor.shape[1]))
+        rows = np.ascontiguousarray(descriptor + 0.0).view(whole_rows)  # of the two zeros, one
+        return len(np.unique(rows)) == len(rows)
+
+    def place(self, batch: Columns) -> Placement:
+        """As `Archive.place`, by the rule above."""
+        descriptor, fitness = (np.ascontiguousarray(batch[name]) for name in ("descriptor", "fitness"))
+        n, d = descriptor.shape
+        tree, stored = self._tree, self._stored
+        if tree is None or stored is None:
+            tree, stored = _neighbours.empty(d), _neighbours.room(d, n)
+        elif len(stored.fitness) < self._indexed + n:
+            stored = _neighbours.more_room(stored, self._indexed, n)
+        decided = Placement(np.zeros(n, np.int8), np.empty(n, np.int64))
+        coming = _neighbours.Batch(descriptor, fitness, decided.status, decided.row)
+        capacity = _MOST_ROWS if self._capacity is None else self._capacity
+        rule = _neighbours.Rule(self._l, self._k, self._epsilon, self._competition == "elitist", capacity)
+        self._tree, self._indexed = _neighbours.add(tree, coming, stored, self._indexed, rule, self._scratch)
+        self._stored = stored
+        return decided
