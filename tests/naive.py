@@ -198,13 +198,14 @@ def roulette(scores, spins):
     return rows
 
 
-def credit(curiosity, stored_ids, rows, ids, status):
-    """Curiosity after children: 1 for each that was stored, -0.5 for each that was not, if the parent is still there."""
-    curiosity = list(curiosity)
-    for row, parent, value in zip(rows, ids, status, strict=True):
-        if 0 <= row < len(curiosity) and stored_ids[row] == parent:
-            curiosity[row] += 1.0 if value > 0 else -0.5
-    return curiosity
+def credit(curiosity, stored_ids, ids, status):
+    """Curiosity after children of these parents were given a status."""
+    result = list(curiosity)
+    for parent, value in zip(ids, status, strict=True):
+        for row, stored in enumerate(stored_ids):
+            if stored == parent:
+                result[row] += 1.0 if value > 0 else -0.5
+    return result
 
 
 def fill(mutated, spins):

@@ -10,6 +10,7 @@ from sklearn.decomposition import PCA
 
 from auroraqd._affine import Affine
 from auroraqd.descriptor import Descriptor, DescriptorError
+from auroraqd.individuals import Columns
 
 
 @pytest.mark.parametrize(("n", "features", "d"), [(1, 1, 1), (5, 7, 2), (20, 100, 3), (4, 33, 10)])
@@ -27,10 +28,10 @@ def test_affine_descriptors_agree_with_their_twin(n, features, d, dtype):
 def test_affine_descriptors_of_an_observation_are_the_same_in_any_batch():
     observation = np.random.default_rng(0).normal(size=(1000, 11, 3))
     descriptor = Descriptor(PCA(n_components=2)).refitted(observation)
-    together = descriptor.describe(observation, observation, None)
+    together = descriptor.describe(Columns({"observation": observation}))
     observation.flags.writeable = False  # as a column of an archive
     for rows in (slice(0, 1), slice(3, 8), slice(500, 1000)):
-        apart = descriptor.describe(observation[rows], observation[rows], None)
+        apart = descriptor.describe(Columns({"observation": observation[rows]}))
         for one, all_of in zip(apart, together, strict=True):
             assert_array_equal(one, all_of[rows])
 
@@ -39,7 +40,7 @@ def test_error_is_that_of_the_reconstruction():
     rng = np.random.default_rng(0)
     observation = rng.normal(size=(40, 6, 2)) * [1, 1000]
     descriptor = Descriptor(PCA(n_components=2)).refitted(observation)
-    _, error = descriptor.describe(np.zeros((40, 1)), observation, None)
+    _, error = descriptor.describe(Columns({"observation": observation}))
     scaled, back = (
         descriptor.scaler(o) for o in (observation, descriptor.reconstruct(descriptor.describe_observation(observation)))
     )
@@ -50,7 +51,7 @@ def test_large_observations_are_not_folded():
     """A matrix of all entries by all entries would fill the memory."""
     x = np.random.default_rng(0).random((30, 60, 60, 1))
     fitted = Descriptor(PCA(2, svd_solver="full")).refitted(x)
-    values, error = fitted.describe(x, x, None)
+    values, error = fitted.describe(Columns({"observation": x}))
     scaled = 2 * (x - x.min()) / np.ptp(x) - 1
     pca = PCA(2, svd_solver="full").fit(scaled.reshape(30, -1))
     np.testing.assert_allclose(np.abs(values), np.abs(pca.transform(scaled.reshape(30, -1))), atol=1e-9)

@@ -43,9 +43,10 @@ def test_all_are_found_again_by_their_number(batch_size, generations, every, lea
     genotypes, parents = [], {}
     aurora = auroraqd.Aurora(3, descriptor, seed=5, **options)
     for _ in range(generations):
-        genotypes.extend(aurora.ask())
-        parents.update(zip(range(len(parents), len(genotypes)), aurora._pending.parent_id.tolist(), strict=True))
-        aurora.tell(*windy(np.array(genotypes[-batch_size:]), aurora.seeds))
+        proposal = aurora.ask(batch_size)
+        genotypes.extend(proposal.genotype)
+        parents.update(zip(proposal.born.tolist(), proposal.parent.tolist(), strict=True))
+        aurora.tell(*windy(proposal.genotype, proposal.seeds), ticket=proposal.ticket)
     archive = aurora.archive
     assert archive.born.dtype == archive.parent.dtype == np.int64
     assert len(set(archive.born.tolist())) == len(archive)

@@ -9,7 +9,7 @@ from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd import state
-from auroraqd.archive import INVALID, NEW
+from auroraqd.archive import NEW, REPLACED, Placement
 from auroraqd.cli.show import _duration
 
 
@@ -58,20 +58,15 @@ class Latest(auroraqd.Archive):
         super().__init__()
         self.l = "large"  # an attribute of its own
         self.size = size
-        self.placed = 0
 
-    def _place(self, descriptor, fitness, status):
-        target = np.full(len(descriptor), -1)
-        for i in np.flatnonzero(status != INVALID):
-            target[i], status[i] = self.placed % self.size, NEW if self.placed < self.size else 2
-            self.placed += 1
-        return target
+    def place(self, batch):
+        placed = self.next + np.arange(batch.rows)
+        status = np.where(placed < self.size, NEW, REPLACED)
+        self.next += batch.rows
+        return Placement(status, placed % self.size)
 
-    def _clear(self):
-        self.placed = 0
-
-    def _remember(self):
-        self.placed = len(self)
+    def reindex(self):
+        self.next = len(self)
 
     @property
     def full(self):

@@ -217,10 +217,10 @@ def test_credit_agrees_with_its_twin(seed):
     archive = UnstructuredArchive(l=0.1)
     fill(archive, rng.random((60, 2)))
     n, size = 40, len(archive)
-    rows, status = rng.integers(-3, size + 3, n), rng.integers(-1, 3, n)
-    ids = np.where(rng.random(n) < 0.7, archive.id[np.clip(rows, 0, size - 1)], rng.integers(-1, 70, n))
-    expected = naive.credit(archive.curiosity, archive.id, rows, ids, status)
-    archive.credit(ids, status, rows=rows)
+    status = rng.integers(-1, 3, n)
+    ids = np.where(rng.random(n) < 0.7, archive.id[rng.integers(size, size=n)], rng.integers(-1, 70, n))
+    expected = naive.credit(archive.curiosity, archive.id, ids, status)
+    archive.credit(ids, status)
     assert archive.curiosity.tolist() == expected
 
 

@@ -37,8 +37,8 @@ class Placement(NamedTuple):
     Attributes:
         status: (n,) int8: REJECTED, NEW or REPLACED.
         row: (n,) int64: the row an individual is stored in, -1 where it is rejected. New ones take the next free rows, in
-            order, the first of all row 0. One that replaces another takes its row, which may be that of an individual of the same
-            batch; the last to take a row is who is there.
+            order, the first of all row 0. One that replaces another takes its row, which may be that of an individual of the
+            same batch; the last to take a row is who is there.
         evicted: (m,) int64: rows, counted after all that, whose individuals go. The rest close up, in order.
     """
 

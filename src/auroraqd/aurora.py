@@ -12,7 +12,7 @@ import math
 import time
 import warnings
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, overload
 
 import numpy as np
@@ -170,10 +170,10 @@ class Aurora:
         return self._descriptor.reconstruct(places)
 
     @overload
-    def ask(self, genotypes: ArrayLike | None = None) -> np.ndarray: ...
-    @overload
     def ask(self, genotypes: int) -> Proposal: ...
-    def ask(self, genotypes: ArrayLike | int | None = None) -> np.ndarray | Proposal:
+    @overload
+    def ask(self, genotypes: Sequence | np.ndarray | None = None) -> np.ndarray: ...
+    def ask(self, genotypes: int | Sequence | np.ndarray | None = None) -> np.ndarray | Proposal:
         """The next genotypes to evaluate, in [0, 1]: random while nothing is stored, then offspring.
 
         Args:

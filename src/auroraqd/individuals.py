@@ -154,7 +154,8 @@ def stored(arrays: Mapping[str, np.ndarray]) -> Columns:
     if len(np.unique(arrays["id"])) < n:
         raise ValueError("id must differ between individuals, and some are the same")
     unknown = {name: np.full(n, kind.unknown) for name, kind in KNOWN.items() if kind.unknown is not None}
-    return Columns({**unknown, **arrays})
+    found = {**unknown, **arrays}
+    return Columns({name: found[name] for name in [*KNOWN, *(set(found) - set(KNOWN))] if name in found})
 
 
 def check_dimensions(descriptor: np.ndarray) -> None:

@@ -160,8 +160,9 @@ def _ask_again(aurora: Aurora, values: Mapping[str, Any], columns: Columns) -> N
     aurora._next_evaluation = values.get("_next_evaluation", aurora.evaluations + columns.rows)
     for ticket, n, first, alone in asked:
         rows = slice(start, start + n)
-        parts = (columns[name][rows] for name in ("genotype", "parent", "emitter"))
-        aurora._asked[ticket] = Asked(Proposal(ticket, *parts, first, aurora.seed), alone, time.perf_counter())
+        genotype, parent, emitter = (columns[name][rows] for name in ("genotype", "parent", "emitter"))
+        proposal = Proposal(ticket, genotype, parent, emitter, first, aurora.seed)
+        aurora._asked[ticket] = Asked(proposal, alone, time.perf_counter())
         aurora._current, start = ticket if alone else aurora._current, start + n
 
 
