@@ -18,7 +18,7 @@ import numpy as np
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import storage
+from auroraqd.runs import folders
 
 MILLISECONDS = 5
 
@@ -47,14 +47,14 @@ def checkpoints():
         fresh().run(task, generations=5000)
         alone = time.perf_counter() - since
         with tempfile.TemporaryDirectory() as folder:
-            aurora, spent, write = fresh(), [], storage.write
+            aurora, spent, write = fresh(), [], folders.write
 
             def timed(*arguments, spent=spent, write=write, **options):
                 since = time.perf_counter()
                 write(*arguments, **options)
                 spent.append(time.perf_counter() - since)
 
-            storage.write = timed
+            folders.write = timed
             since = time.perf_counter()
             with auroraqd.Checkpoints(aurora, folder) as saved:
                 aurora.run(task, generations=5000, callback=saved)
@@ -63,8 +63,8 @@ def checkpoints():
             spent.clear()
             for _ in range(9):
                 timed(aurora, Path(folder), None, keep=True)
-            storage.write = write
-            size = (Path(folder) / storage.REPERTOIRE).stat().st_size / 1e6
+            folders.write = write
+            size = (Path(folder) / folders.REPERTOIRE).stat().st_size / 1e6
             since = time.perf_counter()
             auroraqd.resume(folder)
             resumed = time.perf_counter() - since
@@ -110,14 +110,14 @@ def killed(times):
             time.sleep(rng.uniform(2, 5.5))  # about two of them until it is at work
             process.send_signal(signal.SIGKILL)
             process.wait()
-            if (ended / storage.REPERTOIRE).is_file():
+            if (ended / folders.REPERTOIRE).is_file():
                 generation = auroraqd.resume(ended).generation
             print(f"killed, {generation} generations are kept", flush=True)
         if generation < 5000:
             subprocess.run([*command, "resume", ended, *options], check=True, stdout=subprocess.DEVNULL)
-        same = (alone / storage.REPERTOIRE).read_bytes() == (ended / storage.REPERTOIRE).read_bytes()
-        history = [[record[:-1] for record in storage.load_history(path)] for path in (alone, ended)]
-        configs = [json.loads((path / storage.CONFIG).read_text()) for path in (alone, ended)]
+        same = (alone / folders.REPERTOIRE).read_bytes() == (ended / folders.REPERTOIRE).read_bytes()
+        history = [[record[:-1] for record in folders.load_history(path)] for path in (alone, ended)]
+        configs = [json.loads((path / folders.CONFIG).read_text()) for path in (alone, ended)]
         for config in configs:
             del config["provenance"]  # the command and the date differ
         print(f"\nthe same repertoire, byte for byte: {same}")

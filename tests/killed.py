@@ -13,7 +13,7 @@ from pathlib import Path
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import autoencoder
+from auroraqd.descriptors import autoencoder
 
 PLACES = ("asked", "told", "training", "syncing", "moving")
 

@@ -13,7 +13,7 @@ from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
 
 import auroraqd
-from auroraqd import autoencoder, networks, training
+from auroraqd.descriptors import autoencoder, networks, training
 from auroraqd.metrics import reconstruction_error
 
 SHORT = {"max_epochs": 6, "repeats": 2, "min_steps": 0}

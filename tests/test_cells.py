@@ -7,7 +7,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
 import auroraqd
-from auroraqd import cvt
+from auroraqd.archives import cvt
 
 
 @pytest.fixture(autouse=True)

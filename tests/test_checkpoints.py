@@ -19,7 +19,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 import auroraqd
-from auroraqd import checkpoints, storage
+from auroraqd.runs import checkpoints, folders
 
 TASK = auroraqd.tasks.Ballistic()
 PLAIN = ["--descriptor", "genotype"]  # which starts in half the time
@@ -183,14 +183,14 @@ def test_when_it_is_saved(tmp_path, monkeypatch):
     clock = [100.0]
     monkeypatch.setattr(checkpoints.time, "monotonic", lambda: clock[0])
     written = []
-    real = storage.write
+    real = folders.write
 
     def write(aurora, *arguments, **options):
         written.append((clock[0], aurora.generation))
         clock[0] += 0.5  # so long it takes
         return real(aurora, *arguments, **options)
 
-    monkeypatch.setattr(storage, "write", write)
+    monkeypatch.setattr(folders, "write", write)
 
     def callback(aurora):
         clock[0] += 5
@@ -263,7 +263,7 @@ def test_a_damaged_checkpoint_never_takes_the_place_of_a_whole_one(tmp_path, mon
 def test_an_empty_run_in_a_folder(tmp_path):
     """Nothing was found: nothing is left but a lock."""
     with auroraqd.Checkpoints(make(), tmp_path / "run"):
-        assert storage.load_config(tmp_path / "run")["seed"] == 1
+        assert folders.load_config(tmp_path / "run")["seed"] == 1
     assert [path.name for path in (tmp_path / "run").iterdir()] == [".lock"]
 
 
@@ -330,13 +330,13 @@ def test_an_archive_that_does_not_fit(tmp_path):
 
 
 def test_a_disk_that_is_full_for_a_while(tmp_path, monkeypatch):
-    aurora, said, real = make(), [], storage.write
+    aurora, said, real = make(), [], folders.write
 
     def full(*arguments, **options):
         raise OSError(28, "no space left on device")
 
     def callback(aurora):
-        monkeypatch.setattr(storage, "write", full if 2 <= aurora.generation <= 3 else real)
+        monkeypatch.setattr(folders, "write", full if 2 <= aurora.generation <= 3 else real)
         saved(aurora)
 
     with auroraqd.Checkpoints(aurora, tmp_path, every=0, report=said.append) as saved:
@@ -348,7 +348,7 @@ def test_a_disk_that_is_full_for_a_while(tmp_path, monkeypatch):
         auroraqd.Checkpoints(aurora, tmp_path, every=0) as saved,
         pytest.warns(UserWarning, match="no checkpoint at generation"),
     ):
-        aurora.run(TASK, generations=1, callback=lambda aurora: (monkeypatch.setattr(storage, "write", full), saved())[1])
+        aurora.run(TASK, generations=1, callback=lambda aurora: (monkeypatch.setattr(folders, "write", full), saved())[1])
     assert auroraqd.resume(tmp_path).generation == 5
 
 
@@ -407,12 +407,12 @@ def test_a_checkpoint_that_lacks_something(tmp_path, damage):
     """Whole, but not what it should be."""
     aurora = make().run(TASK, generations=2)
     auroraqd.save(aurora, tmp_path)
-    arrays, kind = storage._tensors.read(tmp_path / "repertoire.safetensors", storage._FORMAT)
+    arrays, kind = folders._tensors.read(tmp_path / "repertoire.safetensors", folders._FORMAT)
     values = json.loads(arrays["state.json"].tobytes())
     values = {**values, **damage} if damage else {}
     values = {name: value for name, value in values.items() if value is not None}
     arrays["state.json"] = np.frombuffer(json.dumps(values).encode(), np.uint8)
-    storage._tensors.write(tmp_path / "repertoire.safetensors", arrays, storage._FORMAT, kind)
+    folders._tensors.write(tmp_path / "repertoire.safetensors", arrays, folders._FORMAT, kind)
     with pytest.raises(ValueError, match=r"does not hold what a run needs to go on|cannot go on: "):
         auroraqd.resume(tmp_path)
     assert len(auroraqd.load(tmp_path)) == len(aurora.archive)

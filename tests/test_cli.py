@@ -14,9 +14,9 @@ from matplotlib import image
 from numpy.testing import assert_array_equal
 
 import auroraqd
-from auroraqd import storage
 from auroraqd.cli import UserError, discover
 from auroraqd.experiments import settings
+from auroraqd.runs import folders
 
 COMMAND = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
 PLAIN = ["--descriptor", "genotype"]  # which starts in half the time
@@ -57,8 +57,8 @@ def test_run_leaves_what_it_promises(run_folder):
     checkpoints = {"repertoire.safetensors", "repertoire.previous.safetensors"}
     assert names == {".lock", "config.json", "history.csv"} | checkpoints | figures
     assert len(auroraqd.load(run_folder)) > 100
-    assert storage.load_history(run_folder)[-1].evaluations == 1500
-    assert storage.load_config(run_folder)["seed"] == 4
+    assert folders.load_history(run_folder)[-1].evaluations == 1500
+    assert folders.load_config(run_folder)["seed"] == 4
 
 
 def test_figures_are_not_blank(run_folder):
@@ -109,7 +109,7 @@ def test_repeat_is_the_same_run(tmp_path):
     assert configs[0].pop("provenance")["task"] == configs[1].pop("provenance")["task"]
     assert configs[0] == configs[1]
     assert not (one / "figures").exists()
-    assert storage.load_config(one)["resolution"] == {"type": "Fixed", "l": 0.02}
+    assert folders.load_config(one)["resolution"] == {"type": "Fixed", "l": 0.02}
 
 
 def test_default_folder_and_lines_of_progress(tmp_path):
@@ -151,7 +151,7 @@ def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):
     monkeypatch.setitem(settings.TASKS, "ballistic", Breaking)
     with pytest.raises(UserError, match=r"generation 4 raised OSError: motor stalled.*what was found is in"):
         discover._run(settings.Settings(generations=20), tmp_path / "run", overwrite=False, figures=False)
-    assert storage.load_history(tmp_path / "run")[-1].generation == 4
+    assert folders.load_history(tmp_path / "run")[-1].generation == 4
 
 
 def test_run_with_an_autoencoder(tmp_path):
@@ -214,7 +214,7 @@ def test_run_with_other_archives_and_pretrained(tmp_path, monkeypatch, options, 
     assert repertoire.descriptor.shape[1] == dimensions
     if "observation" in options:
         assert_array_equal(repertoire.describe(repertoire.observation), repertoire.descriptor)
-    config = storage.load_config(tmp_path / "run")
+    config = folders.load_config(tmp_path / "run")
     assert settings.Settings.from_json(config).as_json() == {
         k: v for k, v in config.items() if k not in ("environment", "provenance")
     }
@@ -233,7 +233,7 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
     assert process.stdout is not None
     assert "ballistic" in process.stdout.readline()
     deadline = time.monotonic() + 120
-    while not (out / storage.REPERTOIRE).exists() and time.monotonic() < deadline:  # it is written after the first generation
+    while not (out / folders.REPERTOIRE).exists() and time.monotonic() < deadline:  # it is written after the first generation
         time.sleep(0.1)
     process.send_signal(stop)
     _, errors = process.communicate(timeout=60)
@@ -241,7 +241,7 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
     assert "Traceback" not in errors
     assert "Interrupted after" in errors
     assert len(auroraqd.load(out)) > 100
-    assert storage.load_history(out)[-1].size == len(auroraqd.load(out))
+    assert folders.load_history(out)[-1].size == len(auroraqd.load(out))
 
 
 @pytest.mark.parametrize(
@@ -397,7 +397,7 @@ def test_an_individual_that_takes_too_long_is_invalid(tmp_path):
     done = command(*arguments, "--jobs", 1, "--timeout", 0, cwd=tmp_path, ok=False)
     assert "timeout must be more than 0 seconds, got 0" in done.stderr
     command(*arguments, "--jobs", 1, "--timeout", 0.5, "--seed", 6, cwd=tmp_path)
-    record = storage.load_history(tmp_path / "run")[-1]
+    record = folders.load_history(tmp_path / "run")[-1]
     assert (record.evaluations, record.invalid) == (8, 1)
     done = command("resume", "run", "-n", 2, "--timeout", 1, cwd=tmp_path, ok=False)
     assert "--timeout needs workers" in done.stderr

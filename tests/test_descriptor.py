@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.decomposition import PCA
 
-from auroraqd._affine import Affine
-from auroraqd.descriptor import Descriptor, DescriptorError
+from auroraqd.descriptors._affine import Affine
+from auroraqd.descriptors.descriptor import Descriptor, DescriptorError
 from auroraqd.individuals import Columns
 
 

@@ -19,7 +19,8 @@ from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import evaluate, executors
+from auroraqd import evaluate
+from auroraqd.evaluate import executors
 
 GENOTYPES = np.random.default_rng(0).random((60, robots.GENES))
 BAD = robots.bad(GENOTYPES)

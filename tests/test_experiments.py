@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import ranksums
 
 import auroraqd
-from auroraqd import _workers, storage
+from auroraqd import _workers
 from auroraqd.experiments import settings
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
@@ -23,6 +23,7 @@ from auroraqd.experiments.runner import execute, plan
 from auroraqd.experiments.statistics import Quartiles, rank_sums, summaries
 from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS
 from auroraqd.report import write_report
+from auroraqd.runs import folders
 
 SMALL = BALLISTIC.base(generations=4, batch_size=40)
 FEW = ["hand-coded", "pca-incremental", "genotype"]
@@ -531,4 +532,4 @@ def test_command_with_results_of_other_settings(experiment):
     )
     assert done.returncode == 1
     assert "with other settings, generations 4 and not 9" in " ".join(done.stderr.split())
-    assert storage.load_config(experiment / "runs" / "genotype-0")["generations"] == 4
+    assert folders.load_config(experiment / "runs" / "genotype-0")["generations"] == 4

@@ -14,7 +14,8 @@ import pytest
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import _tensors, _transformers, metrics, storage
+from auroraqd import metrics
+from auroraqd.runs import _tensors, _transformers, folders
 
 FORM, STATE = "auroraqd repertoire 2", "state.json"
 OURS = (ValueError, TypeError, IndexError, RuntimeError, FileNotFoundError)
@@ -202,7 +203,7 @@ def folder(tmp_path_factory):
 
 
 def parts_of(folder):
-    arrays, kind = _tensors.read(folder / storage.REPERTOIRE, FORM)
+    arrays, kind = _tensors.read(folder / folders.REPERTOIRE, FORM)
     return arrays, kind, json.loads(arrays[STATE].tobytes())
 
 
@@ -251,10 +252,10 @@ def test_every_array_of_a_checkpoint(folder):
         for name, array in arrays.items():
             for how, bad in spoiled(array):
                 changed = {key: value for key, value in {**arrays, name: bad}.items() if value is not None}
-                _tensors.write(folder / storage.REPERTOIRE, {key: np.asarray(v) for key, v in changed.items()}, FORM, kind)
+                _tensors.write(folder / folders.REPERTOIRE, {key: np.asarray(v) for key, v in changed.items()}, FORM, kind)
                 goes_on_or_says(folder, (name, how))
     finally:
-        _tensors.write(folder / storage.REPERTOIRE, arrays, FORM, kind)
+        _tensors.write(folder / folders.REPERTOIRE, arrays, FORM, kind)
 
 
 def leaves(values, path=()):
@@ -278,18 +279,18 @@ def test_every_value_of_the_state(folder):
     try:
         for path in leaves(values):
             for bad in bads:
-                _tensors.write(folder / storage.REPERTOIRE, with_state(arrays, replaced(values, path, bad)), FORM, kind)
+                _tensors.write(folder / folders.REPERTOIRE, with_state(arrays, replaced(values, path, bad)), FORM, kind)
                 goes_on_or_says(folder, (path, bad))
     finally:
-        _tensors.write(folder / storage.REPERTOIRE, arrays, FORM, kind)
+        _tensors.write(folder / folders.REPERTOIRE, arrays, FORM, kind)
 
 
 @pytest.mark.parametrize("kind", ["generation", "shape", "nested", "state", "descriptor", "header"])
 def test_a_checkpoint_that_lies_gives_way_to_the_one_before(folder, tmp_path, kind):
     arrays, learned, values = parts_of(folder)
-    for name in (storage.CONFIG, storage.HISTORY):
+    for name in (folders.CONFIG, folders.HISTORY):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
-    (tmp_path / storage.PREVIOUS).write_bytes((folder / storage.REPERTOIRE).read_bytes())
+    (tmp_path / folders.PREVIOUS).write_bytes((folder / folders.REPERTOIRE).read_bytes())
     lies = {
         "generation": with_state(arrays, {**values, "generation": float("nan")}),
         "shape": with_state(arrays, {**values, "shape": [10**9, 2]}),
@@ -299,13 +300,13 @@ def test_a_checkpoint_that_lies_gives_way_to_the_one_before(folder, tmp_path, ki
     }
     if kind == "header":
         header = b'{"a":' * 100_000
-        (tmp_path / storage.REPERTOIRE).write_bytes(len(header).to_bytes(8, "little") + header)
+        (tmp_path / folders.REPERTOIRE).write_bytes(len(header).to_bytes(8, "little") + header)
     else:
-        _tensors.write(tmp_path / storage.REPERTOIRE, lies[kind], FORM, learned)
+        _tensors.write(tmp_path / folders.REPERTOIRE, lies[kind], FORM, learned)
     with pytest.warns(UserWarning, match="the checkpoint before it is taken"):
         aurora = auroraqd.resume(tmp_path)
     assert aurora.generation == 2
-    (tmp_path / storage.PREVIOUS).unlink()
+    (tmp_path / folders.PREVIOUS).unlink()
     with pytest.raises(ValueError, match=r"repertoire\.safetensors"):
         auroraqd.resume(tmp_path)
 
@@ -323,7 +324,7 @@ def test_the_other_files(folder, tmp_path, name, text, message):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / name).write_text(text)
     with pytest.raises(ValueError, match=message):
-        auroraqd.resume(tmp_path) if name == "config.json" else storage.load_history(tmp_path)
+        auroraqd.resume(tmp_path) if name == "config.json" else folders.load_history(tmp_path)
 
 
 def shown(folder):
@@ -355,10 +356,10 @@ def test_a_figure_that_cannot_be_drawn_costs_no_other(tmp_path, scale, dtype, lo
 def test_counts_that_no_run_can_have(folder, tmp_path):
     for path in folder.glob("*.*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    header, *rows = (tmp_path / storage.HISTORY).read_text().splitlines()
+    header, *rows = (tmp_path / folders.HISTORY).read_text().splitlines()
     last = rows[-1].split(",")
     last[1] = "9" * 400
-    (tmp_path / storage.HISTORY).write_text("\n".join([header, *rows[:-1], ",".join(last), ""]))
+    (tmp_path / folders.HISTORY).write_text("\n".join([header, *rows[:-1], ",".join(last), ""]))
     done = shown(tmp_path)
     assert done.returncode == 1
     assert "evaluations is too large" in " ".join(done.stderr.split())

@@ -141,7 +141,7 @@ def test_results_are_kept_in_the_private_folder_where_the_home_cannot_be_written
 
 
 def test_a_folder_that_the_user_names_wins(folder):
-    code = "from auroraqd import variation; print(variation._step.stats.cache_path)"
+    code = "from auroraqd.emitters import variation; print(variation._step.stats.cache_path)"
     named = str(folder / "named")
     done = as_somebody(["-W", "error", "-c", code], folder, NUMBA_CACHE_DIR=named)
     assert done.stdout.startswith(named), done.stderr

@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import storage
+from auroraqd.runs import folders
 from auroraqd.tasks.noise import seeds_at, seeds_of
 
 
@@ -141,7 +141,7 @@ def test_a_repertoire_knows_its_run(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(folder.parent)
     repertoire = auroraqd.load("run")
     monkeypatch.chdir(tmp_path)
-    assert repertoire.config == storage.load_config(folder)
-    assert repr(repertoire.history.records) == repr(storage.load_history(folder))
+    assert repertoire.config == folders.load_config(folder)
+    assert repr(repertoire.history.records) == repr(folders.load_history(folder))
     assert repertoire.history.last.evaluations == 160
     assert_array_equal(repertoire.history.column("generation"), np.arange(1, 9))

@@ -12,7 +12,7 @@ import pytest
 
 import auroraqd
 from auroraqd import evaluate, provenance
-from auroraqd.storage import load_config
+from auroraqd.runs.folders import load_config
 from auroraqd.tasks import Genes, each, repeated
 
 MODULE = """

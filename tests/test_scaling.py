@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from auroraqd.scaling import Scaling, far_outside
+from auroraqd.descriptors.scaling import Scaling, far_outside
 
 observations = arrays(float, st.tuples(st.integers(1, 6), st.integers(1, 4), st.integers(1, 3)), elements=st.floats(-1e6, 1e6))
 

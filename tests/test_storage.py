@@ -7,7 +7,7 @@ from safetensors.numpy import save_file
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import storage
+from auroraqd.runs import folders
 
 COLUMNS = ("genotype", "fitness", "observation", "descriptor", "ground_truth", "reconstruction_error", "curiosity", "id")
 
@@ -44,12 +44,12 @@ def test_equal_runs_give_equal_files(aurora, folder, tmp_path):
 
 
 def test_history_comes_back(aurora, folder):
-    assert repr(storage.load_history(folder)) == repr(aurora.history.records)
-    assert len(storage.load_history(folder)) == 10
+    assert repr(folders.load_history(folder)) == repr(aurora.history.records)
+    assert len(folders.load_history(folder)) == 10
 
 
 def test_config_says_what_was_run(folder):
-    config = storage.load_config(folder)
+    config = folders.load_config(folder)
     assert config["variation"] == {"type": "Polynomial", "rate": 0.1, "eta": 10.0, "at_least_one": True}
     assert config["seed"] == 0
     assert config["environment"]["numpy"] == np.__version__
@@ -71,7 +71,7 @@ def test_descriptors_that_are_not_learned(tmp_path, descriptor):
     aurora = auroraqd.Aurora(2, descriptor, seed=0).run(task, generations=2)
     repertoire = auroraqd.load(auroraqd.save(aurora, tmp_path))
     assert_array_equal(repertoire.descriptor, aurora.archive.descriptor)
-    assert storage.load_history(tmp_path)[0].size == aurora.history.records[0].size  # NaN in a record is read back
+    assert folders.load_history(tmp_path)[0].size == aurora.history.records[0].size  # NaN in a record is read back
     with pytest.raises(RuntimeError, match="not learned"):
         repertoire.describe(repertoire.observation)
 
@@ -79,7 +79,7 @@ def test_descriptors_that_are_not_learned(tmp_path, descriptor):
 def test_an_empty_run_can_be_saved(tmp_path):
     auroraqd.save(auroraqd.Aurora(2, PCA(n_components=2)), tmp_path)
     assert len(auroraqd.load(tmp_path)) == 0
-    assert storage.load_history(tmp_path) == []
+    assert folders.load_history(tmp_path) == []
 
 
 class Foreign:
@@ -141,7 +141,7 @@ def test_missing_folders_and_files(tmp_path, folder):
         auroraqd.load(tmp_path)
     (folder / "history.csv").unlink()
     with pytest.raises(FileNotFoundError, match="history"):
-        storage.load_history(folder)
+        folders.load_history(folder)
 
 
 @pytest.mark.parametrize("keep", [0, 5, 1000, -1])
@@ -159,14 +159,14 @@ def test_other_formats(folder):
         auroraqd.load(folder)
     (folder / "config.json").write_text("{")
     with pytest.raises(ValueError, match="damaged"):
-        storage.load_config(folder)
+        folders.load_config(folder)
     (folder / "config.json").write_text(json.dumps([1]))
     with pytest.raises(ValueError, match="JSON object"):
-        storage.load_config(folder)
+        folders.load_config(folder)
     for content in ("generation\n1\n", "", ",".join(auroraqd.history.Record._fields) + "\nx\n"):
         (folder / "history.csv").write_text(content)
         with pytest.raises(ValueError, match="damaged"):
-            storage.load_history(folder)
+            folders.load_history(folder)
 
 
 def test_what_is_no_run_and_no_folder(aurora, folder, tmp_path):
@@ -174,7 +174,7 @@ def test_what_is_no_run_and_no_folder(aurora, folder, tmp_path):
         for call in (lambda w=wrong: auroraqd.save(w, tmp_path), lambda w=wrong: auroraqd.Checkpoints(w, tmp_path)):
             with pytest.raises(TypeError, match=r"aurora must be a run, an auroraqd\.Aurora, got "):
                 call()
-    for call in (auroraqd.load, auroraqd.resume, storage.load_config, storage.load_history):
+    for call in (auroraqd.load, auroraqd.resume, folders.load_config, folders.load_history):
         with pytest.raises(TypeError, match="folder must be a path, got None"):
             call(None)
     for call in (auroraqd.save, auroraqd.Checkpoints):

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 import auroraqd
-from auroraqd.resolution import Automatic, largest_distance, separations
-from auroraqd.selection import _roulette
-from auroraqd.variation import _fill, _step
+from auroraqd.control.resolution import Automatic, largest_distance, separations
+from auroraqd.emitters.selection import _roulette
+from auroraqd.emitters.variation import _fill, _step
 
 
 @pytest.fixture

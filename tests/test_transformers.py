@@ -11,7 +11,7 @@ from sklearn.decomposition import PCA, FastICA, IncrementalPCA, TruncatedSVD
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from auroraqd import _transformers
+from auroraqd.runs import _transformers
 
 X = np.random.default_rng(0).normal(size=(60, 7))
 

@@ -8,9 +8,9 @@ from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd import state
-from auroraqd.archive import NEW, REPLACED, Placement
+from auroraqd.archives.base import NEW, REPLACED, Placement
 from auroraqd.cli.show import _duration
+from auroraqd.runs import state
 
 
 def robot(genotypes):

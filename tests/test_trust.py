@@ -1,4 +1,4 @@
-from auroraqd._trust import Trust, Worker
+from auroraqd.evaluate._trust import Trust, Worker
 
 A, B, C = Worker("one", 1), Worker("one", 2), Worker("two", 3)
 

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from auroraqd import UnstructuredArchive, _neighbours
+from auroraqd import UnstructuredArchive
+from auroraqd.archives import _neighbours
 
 
 def fill(archive, descriptor, fitness=None, batch=64):

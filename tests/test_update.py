@@ -12,8 +12,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 import auroraqd
-from auroraqd import Aurora, storage
-from auroraqd.update import Attempts
+from auroraqd import Aurora
+from auroraqd.control.update import Attempts
+from auroraqd.runs import folders
 
 COLUMNS = ("genotype", "fitness", "observation", "descriptor", "reconstruction_error", "curiosity", "id")
 
@@ -172,7 +173,7 @@ def test_a_run_with_refused_updates_is_resumed_bit_for_bit(tmp_path):
         assert_array_equal(getattr(resumed.archive, name), getattr(whole.archive, name))
     strip = [record._replace(seconds=0) for record in whole.history.records]
     assert repr([record._replace(seconds=0) for record in resumed.history.records]) == repr(strip)
-    assert storage.load_history(auroraqd.save(whole, tmp_path / "whole"))[-1].refused == whole.history.last.refused
+    assert folders.load_history(auroraqd.save(whole, tmp_path / "whole"))[-1].refused == whole.history.last.refused
 
 
 def test_individuals_wait_for_a_first_fit_over_a_checkpoint(tmp_path):

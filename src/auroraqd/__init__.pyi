@@ -1,20 +1,20 @@
-from . import evaluate, metrics, report, tasks
+from . import archives, emitters, evaluate, metrics, report, tasks
 from .adaptation import Adaptation
-from .archive import Archive
+from .archives.base import Archive
+from .archives.cvt import CVTArchive, tessellate
+from .archives.grid import GridArchive
+from .archives.unstructured import UnstructuredArchive
 from .aurora import Aurora
-from .autoencoder import AutoEncoder
-from .cells import GridArchive
-from .checkpoints import Checkpoints
-from .cvt import CVTArchive, tessellate
-from .descriptor import DescriptorError
+from .control.resolution import VAT, Fixed, Size
+from .control.schedule import Doubling, Every, Never
+from .descriptors.autoencoder import AutoEncoder
+from .descriptors.descriptor import DescriptorError
+from .emitters.selection import Curiosity, Uniform
+from .emitters.variation import Gaussian, IsoLine, Polynomial
 from .repertoire import Repertoire
-from .resolution import VAT, Fixed, Size
-from .schedule import Doubling, Every, Never
-from .selection import Curiosity, Uniform
-from .storage import load, resume, save
+from .runs.checkpoints import Checkpoints
+from .runs.folders import load, resume, save
 from .tasks import Evaluation, TaskError
-from .unstructured import UnstructuredArchive
-from .variation import Gaussian, IsoLine, Polynomial
 
 __version__: str
 
@@ -42,6 +42,8 @@ __all__ = [
     "TaskError",
     "Uniform",
     "UnstructuredArchive",
+    "archives",
+    "emitters",
     "evaluate",
     "load",
     "metrics",

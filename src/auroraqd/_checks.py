@@ -189,3 +189,9 @@ def finite_rows(rows: np.ndarray) -> np.ndarray:
     if finite.all():  # the common case, at once instead of row by row
         return np.ones(len(rows), bool)
     return np.asarray(finite.reshape(len(rows), -1).all(axis=1))
+
+
+def check_callable(name: str, value: object) -> None:
+    """Raise TypeError unless it can be called: an instance, not a class."""
+    if isinstance(value, type) or not callable(value):
+        raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")

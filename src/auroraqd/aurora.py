@@ -18,22 +18,23 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, number, numbers, numeric, shown, whole, whole_numbers
+from auroraqd._checks import check_callable, finite_rows, number, numbers, numeric, shown, whole, whole_numbers
 from auroraqd._interrupts import uninterrupted
-from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, Info
-from auroraqd.batch import Asked, Proposal
-from auroraqd.descriptor import Descriptor, DescriptorError, Transformer
-from auroraqd.emitters import Genetic, Shared, check_callable, shared
+from auroraqd.archives.base import INVALID, NEW, REJECTED, REPLACED, Archive, Info
+from auroraqd.archives.unstructured import UnstructuredArchive
+from auroraqd.control.resolution import VAT, Automatic
+from auroraqd.control.schedule import Doubling
+from auroraqd.control.update import FIRST_FITS, Attempts, RefusedUpdate, Update, updated
+from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Transformer
+from auroraqd.emitters.base import Shared, shared
+from auroraqd.emitters.genetic import Genetic
+from auroraqd.emitters.proposal import Asked, Proposal
+from auroraqd.emitters.selection import Curiosity
+from auroraqd.emitters.variation import Polynomial
 from auroraqd.history import History, Record
 from auroraqd.individuals import Columns, check_like
 from auroraqd.provenance import changed, described
-from auroraqd.resolution import VAT, Automatic
-from auroraqd.schedule import Doubling
-from auroraqd.selection import Curiosity
 from auroraqd.tasks import Evaluation, checked
-from auroraqd.unstructured import UnstructuredArchive
-from auroraqd.update import FIRST_FITS, Attempts, RefusedUpdate, Update, updated
-from auroraqd.variation import Polynomial
 
 SURVIVAL = 0.25
 """The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
@@ -65,9 +66,9 @@ class Aurora:
         prior: observations, (n, ...), on which the descriptor is fitted once, now, with its scaling; it is then never refitted.
         survival: the least share of the individuals stored, or of those that the resolution aims at if these are fewer, that
             must survive an update of the descriptor and l; one that leaves fewer is refused, with a warning, and the descriptor
-            before it stays (`auroraqd.update`). 0: none is refused for that.
+            before it stays (`auroraqd.control.update`). 0: none is refused for that.
         robust: whether observations far outside all others, one in a hundred at most, are set aside, with a warning, when the
-            descriptor and its scaling are fitted (`auroraqd.scaling.far_outside`). False is the rule of the paper.
+            descriptor and its scaling are fitted (`auroraqd.descriptors.scaling.far_outside`). False is the rule of the paper.
 
     Attributes:
         archive: what has been found.

@@ -18,7 +18,7 @@ class Record(NamedTuple):
         mean_fitness, max_fitness: of the stored; NaN while there are none.
         rmse: mean over the stored of the root mean square error of their reconstruction, on the [-1, 1] scale; NaN when the
             descriptor cannot reconstruct.
-        refused: updates of the descriptor that failed or were refused; see `auroraqd.update`.
+        refused: updates of the descriptor that failed or were refused; see `auroraqd.control.update`.
         rmse_new: as `rmse`, of the individuals of this generation, by a descriptor that was not fitted on them: how well it
             generalises. NaN where there are none, and in the generation of the first fit.
         seconds: time from each `ask` to the end of its `tell`.

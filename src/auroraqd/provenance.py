@@ -87,7 +87,7 @@ def genes_in(config: Mapping[str, Any]) -> Genes | None:
 
 
 def _described(task: Any) -> dict[str, Any]:
-    while type(task).__module__ == "auroraqd.evaluate":  # it is spread over workers
+    while type(task).__module__ == "auroraqd.evaluate.spread":  # it is spread over workers
         task = task.task
     genes, inner = getattr(task, "genes", None), _innermost(task)
     module, name = _home(task, inner)

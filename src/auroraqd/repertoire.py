@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._checks import in_short, numbers, whole
-from auroraqd.descriptor import Descriptor
+from auroraqd.descriptors.descriptor import Descriptor
+from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
 from auroraqd.individuals import KNOWN, Columns, Individuals, stored
 from auroraqd.provenance import genes_in
-from auroraqd.scaling import Scaling, far_outside
 from auroraqd.tasks import Evaluation, Genes, evaluated
 from auroraqd.tasks.noise import other_seeds, seeds_at
 
@@ -193,7 +193,7 @@ class Repertoire(Individuals):
         return diverse(self.descriptor, whole("n", n))
 
     def outlying(self) -> np.ndarray:
-        """Rows of skills whose observations lie far outside all others, (m,); see `auroraqd.scaling.far_outside`.
+        """Rows of skills whose observations lie far outside all others, (m,); see `auroraqd.descriptors.scaling.far_outside`.
 
         They are set aside when the descriptor is fitted: a simulation may have blown up.
         """

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auroraqd._checks import number, whole
-from auroraqd.emitters import check_callable
+from auroraqd._checks import check_callable, number, whole
 from auroraqd.tasks import TaskError, evaluated, name_of
 
 if TYPE_CHECKING:
@@ -108,6 +107,6 @@ def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
 
 def _shown(aurora: Aurora, budget: Budget) -> Any:
     """A context that shows the progress of a run, and gives a callback."""
-    from auroraqd.progress import shown  # Rich takes time to import
+    from auroraqd.callbacks.progress import shown  # Rich takes time to import
 
     return shown(aurora, budget.last_generation)

@@ -165,20 +165,20 @@ def resume(
 
     A run that has ended goes on further with --generations. Example: auroraqd resume runs/first --generations 10000
     """
-    from auroraqd import storage
+    from auroraqd.runs import folders
 
     settings = _settings_in(folder)
     if generations is not None:
         settings = replace(settings, generations=generations)
     with busy("loading"), warnings_said():
-        if any((folder / name).is_file() for name in (storage.REPERTOIRE, storage.PREVIOUS)):
-            task, aurora = settings.build_task(), storage.resume(folder, any_environment=any_environment)
+        if any((folder / name).is_file() for name in (folders.REPERTOIRE, folders.PREVIOUS)):
+            task, aurora = settings.build_task(), folders.resume(folder, any_environment=any_environment)
             aurora.run(task, generations=0)  # says so if the code of the task has changed
         else:  # it ended before its first checkpoint
             task, aurora = settings.build()
     if getattr(task, "n_genes", None) != aurora.n_genes:
         raise UserError(f"task {settings.task} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
-    differ = _differences(settings, aurora) + (storage.changed(folder, settings.as_json()) if aurora.generation else [])
+    differ = _differences(settings, aurora) + (folders.changed(folder, settings.as_json()) if aurora.generation else [])
     differ = list({text.split()[0]: text for text in reversed(differ)}.values())
     if differ:
         raise UserError(f"{folder}/config.json has been changed, {', '.join(differ)}: the run cannot go on with it")
@@ -202,7 +202,7 @@ def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
 def _settings_in(folder: Path) -> "Settings":
     """The settings of a run folder that `auroraqd run` made."""
     from auroraqd.experiments import Settings
-    from auroraqd.storage import load_config
+    from auroraqd.runs.folders import load_config
 
     config = load_config(folder)
     if "task" not in config:
@@ -243,8 +243,8 @@ def _grow(
 ) -> None:
     """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
     from auroraqd._compiled import compiling
-    from auroraqd.checkpoints import LOCK, Checkpoints
-    from auroraqd.progress import RunProgress, training_told
+    from auroraqd.callbacks.progress import RunProgress, training_told
+    from auroraqd.runs.checkpoints import LOCK, Checkpoints
 
     failure: BaseException | None = None
     here = Path.cwd()
@@ -286,7 +286,7 @@ def _grow(
 
 def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
     """Say why a run has ended, and end the command."""
-    from auroraqd.descriptor import DescriptorError
+    from auroraqd.descriptors.descriptor import DescriptorError
     from auroraqd.tasks import TaskError
 
     if isinstance(failure, KeyboardInterrupt):
@@ -317,7 +317,7 @@ def compile_kernels(settings: "Settings") -> None:
 
 def _check_free(out: Path, overwrite: bool) -> None:
     """Make sure that nothing will be overwritten that should not be, before any work is done."""
-    from auroraqd.storage import CONFIG
+    from auroraqd.runs.folders import CONFIG
 
     if out.exists() and not out.is_dir():
         raise UserError(f"{out} exists and is no folder: choose another with --out")

@@ -36,12 +36,12 @@ def animate(
     """
     import numpy as np
 
-    from auroraqd import storage
+    from auroraqd.runs import folders
     from auroraqd.tasks.noise import other_seeds
 
     if out is not None and out.exists() and not overwrite:
         raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
-    repertoire, config = storage.load(folder), storage.load_config(folder)
+    repertoire, config = folders.load(folder), folders.load_config(folder)
     from auroraqd.report import film
     from auroraqd.report.scenes import scene_of
     from auroraqd.report.skills import animate, check_rows
@@ -53,7 +53,7 @@ def animate(
         raise UserError(
             f"task {task} has {robot.n_genes} genes, and the skills in {folder} have {repertoire.genotype.shape[1]}"
         )
-    path = out or folder / storage.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
+    path = out or folder / folders.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
     with busy("drawing") as status:
 
         def drawn(done: int, frames: int) -> None:
@@ -89,10 +89,10 @@ def _robot(config: Mapping[str, Any], named: str | None) -> Any:
 
 def report(folder: Path, figures: bool) -> None:
     """Print what a run found, and where its files are."""
-    from auroraqd import storage
+    from auroraqd.runs import folders
 
-    repertoire, records = storage.load(folder), storage.load_history(folder)
-    files = [folder / name for name in (storage.CONFIG, storage.HISTORY, storage.REPERTOIRE)]
+    repertoire, records = folders.load(folder), folders.load_history(folder)
+    files = [folder / name for name in (folders.CONFIG, folders.HISTORY, folders.REPERTOIRE)]
     trouble = None
     if figures:
         from auroraqd.report import write_figures
@@ -105,7 +105,7 @@ def report(folder: Path, figures: bool) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in [*_what_ran(storage.load_config(folder)), *_results(repertoire, records)]:
+    for name, value in [*_what_ran(folders.load_config(folder)), *_results(repertoire, records)]:
         table.add_row(name, value)
     for index, path in enumerate(files):
         table.add_row("" if index else "files", str(path))

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from auroraqd._files import folder_at, read_table, replacing
+from auroraqd.control.resolution import VAT
 from auroraqd.experiments.replication import Point, Result
 from auroraqd.experiments.settings import Settings
-from auroraqd.resolution import VAT
 
 SETTINGS, RUNS, CURVES, FOLDERS = "settings.json", "runs.csv", "curves.csv", "runs"
 _MEASURES = "measures"  # the field whose entries are columns of their own

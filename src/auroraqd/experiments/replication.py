@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd import metrics, storage
+from auroraqd import metrics
 from auroraqd.aurora import Aurora
 from auroraqd.experiments.measures import Measure
 from auroraqd.experiments.settings import Settings
+from auroraqd.runs import folders
 
 
 class Result(NamedTuple):
@@ -106,12 +107,12 @@ def replicate(job: Job, listener: Callable[[Aurora], Any]) -> tuple[Result, list
 
     aurora.run(task, generations=job.settings.generations, callback=follow)
     seconds = time.perf_counter() - since
-    storage.save(aurora, job.folder, config=job.settings.as_json())
+    folders.save(aurora, job.folder, config=job.settings.as_json())
     if not looks:
         raise ValueError("nothing was stored")
     last, seen = looks[-1]
     if job.reference is not None:
-        repertoire = storage.load(job.reference)
+        repertoire = folders.load(job.reference)
         seen = {m.name: m.look(repertoire) for m in job.measures}
 
     def scores(looked: dict[str, Any]) -> dict[str, float]:

@@ -20,7 +20,7 @@ from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, replicate
 from auroraqd.experiments.settings import Settings
 from auroraqd.experiments.variants import Experiment
-from auroraqd.storage import load
+from auroraqd.runs.folders import load
 
 _REPORT = 0.5  # s between two reports of a worker
 
@@ -246,7 +246,7 @@ def _start(places: Any, reports: Any) -> None:
 
 def _work(job: Job) -> tuple[Result, list[Point]]:
     """In a worker: do a run, and report now and then."""
-    from auroraqd.autoencoder import listening
+    from auroraqd.descriptors.autoencoder import listening
 
     reporter = _Reporter(job)
     with listening(reporter.training):

@@ -6,19 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd import resolution, schedule, selection, variation
 from auroraqd._checks import number, whole
-from auroraqd.archive import Archive
+from auroraqd.archives.base import Archive
+from auroraqd.archives.cvt import CVTArchive, tessellate
+from auroraqd.archives.grid import GridArchive
+from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.aurora import SURVIVAL, Aurora
-from auroraqd.cells import GridArchive
-from auroraqd.cvt import CVTArchive, tessellate
-from auroraqd.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
+from auroraqd.control import resolution, schedule
+from auroraqd.descriptors.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
+from auroraqd.descriptors.scaling import Scaling
+from auroraqd.emitters import selection, variation
 from auroraqd.experiments.options import built, imported, keyword_parameters
-from auroraqd.parts import as_json
-from auroraqd.scaling import Scaling
+from auroraqd.runs.parts import as_json
 from auroraqd.tasks import AirHockey, Ballistic, TaskError, evaluated, name_of
 from auroraqd.tasks.noise import seeds_of
-from auroraqd.unstructured import UnstructuredArchive
 
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"
@@ -243,7 +244,7 @@ class Settings:
 
             return Estimator(n_components=self.components)
         if self.descriptor_kind == AUTOENCODER:
-            from auroraqd.autoencoder import AutoEncoder
+            from auroraqd.descriptors.autoencoder import AutoEncoder
 
             options = self.descriptor.partition(":")[2]
             return AutoEncoder(self.components, **keyword_parameters("descriptor 'autoencoder'", AutoEncoder, options))

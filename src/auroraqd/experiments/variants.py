@@ -6,10 +6,10 @@ from functools import partial
 from typing import Any
 
 from auroraqd import metrics
+from auroraqd.control.resolution import VAT
+from auroraqd.emitters.variation import Polynomial
 from auroraqd.experiments.measures import Coverage, Diversity, Measure
 from auroraqd.experiments.settings import CVT, CVTPrior, Settings
-from auroraqd.resolution import VAT
-from auroraqd.variation import Polynomial
 
 # The network of the paper, trained with Adam for 60 epochs instead of its up to 125,000 of Adagrad; what the training does to
 # the coverage is in docs/reproduction.md.

@@ -11,7 +11,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from auroraqd import storage
 from auroraqd._files import folder_at, replacing
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Diversity
@@ -22,6 +21,7 @@ from auroraqd.repertoire import Repertoire
 from auroraqd.report.diversity import diversity_figure
 from auroraqd.report.panels import panel_figure
 from auroraqd.report.style import STYLE, save_figure
+from auroraqd.runs import folders
 
 SUMMARY_CSV, SUMMARY_MD = "summary.csv", "summary.md"
 _TITLES = {"size": "stored", "rmse": "RMSE", "rmse_metres": "RMSE, m", "seconds": "seconds"}
@@ -30,7 +30,7 @@ _FORMS = {"size": "{:,.0f}", "rmse": "{:.4f}", "rmse_metres": "{:#.3g}", "second
 
 def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
     """Write tables and figures beside the results; returns the files."""
-    figures = folder_at(ledger.folder / storage.FIGURES)
+    figures = folder_at(ledger.folder / folders.FIGURES)
     written = []
     for name, text in ((SUMMARY_CSV, summary_csv(ledger, experiment)), (SUMMARY_MD, summary_markdown(ledger, experiment))):
         written.append(ledger.folder / name)
@@ -162,6 +162,6 @@ def _first_repertoires(ledger: Ledger, variants: Mapping[str, Variant]) -> dict[
     for name, variant in variants.items():
         for replication in sorted(ledger.done(name)):
             with suppress(OSError, ValueError):  # not here, or damaged
-                found[variant.title] = storage.load(ledger.run_folder(name, replication))
+                found[variant.title] = folders.load(ledger.run_folder(name, replication))
                 break
     return found

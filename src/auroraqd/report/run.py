@@ -15,13 +15,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from auroraqd import storage
 from auroraqd._files import folder_at
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.scenes import has_trajectories, scene_of
 from auroraqd.report.skills import SHEET, skills_figure
 from auroraqd.report.style import STYLE, save_figure, scatter, trajectories, two_dimensional_colors
+from auroraqd.runs import folders
 
 _MOST_TRAJECTORIES = 600
 
@@ -36,9 +36,9 @@ def write_figures(folder: str | Path) -> list[Path]:
     Warns:
         UserWarning: a figure could not be drawn, and is left out.
     """
-    repertoire, records = storage.load(folder), storage.load_history(folder)
-    config = storage.load_config(folder)
-    target = folder_at(Path(folder) / storage.FIGURES)
+    repertoire, records = folders.load(folder), folders.load_history(folder)
+    config = folders.load_config(folder)
+    target = folder_at(Path(folder) / folders.FIGURES)
     figures: dict[str, Callable[[], Figure]] = {"history": lambda: history_figure(records)}
     if len(repertoire):
         figures = {"repertoire": lambda: repertoire_figure(repertoire), **figures}

@@ -13,16 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd import cells, cvt, emitters, resolution, schedule, selection, unstructured, variation
-from auroraqd.archive import Archive
+from auroraqd.archives import cvt, grid, unstructured
+from auroraqd.archives.base import Archive
+from auroraqd.control import resolution, schedule
+from auroraqd.emitters import genetic, selection, variation
 
 _HOMES = {
     "selection": [selection],
     "variation": [variation],
     "resolution": [resolution],
     "schedule": [schedule],
-    "emitter": [emitters],
-    "archive": [unstructured, cells, cvt],
+    "emitter": [genetic],
+    "archive": [unstructured, grid, cvt],
 }
 
 

@@ -12,7 +12,7 @@ from rich.table import Column
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
-    from auroraqd.training import Progress as Training
+    from auroraqd.descriptors.training import Progress as Training
 
 _REDRAW = 0.1  # s
 _LOG = 10.0  # s
@@ -100,7 +100,7 @@ def shown(aurora: "Aurora", generations: int | None) -> Iterator[RunProgress]:
 
 def training_told(transformer: Any, progress: RunProgress) -> AbstractContextManager[Any]:
     """Tell the progress of the training of an `AutoEncoder`; nothing of others, for which JAX need not be imported."""
-    module = sys.modules.get("auroraqd.autoencoder")
+    module = sys.modules.get("auroraqd.descriptors.autoencoder")
     if module is None or not isinstance(transformer, module.AutoEncoder):
         return nullcontext()
     return module.listening(progress.training)

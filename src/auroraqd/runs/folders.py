@@ -27,18 +27,18 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from auroraqd import _tensors, _transformers
 from auroraqd._checks import shown
 from auroraqd._files import as_path, folder_at, read_table, replacing
-from auroraqd._saved import check_arrays, check_values
 from auroraqd.aurora import Aurora
-from auroraqd.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
+from auroraqd.descriptors.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
+from auroraqd.descriptors.scaling import Scaling
 from auroraqd.history import History, Record
 from auroraqd.individuals import KNOWN
 from auroraqd.provenance import made_by, task_in
 from auroraqd.repertoire import Repertoire
-from auroraqd.scaling import Scaling
-from auroraqd.state import State, restored, settings_of, state_of
+from auroraqd.runs import _tensors, _transformers
+from auroraqd.runs._saved import check_arrays, check_values
+from auroraqd.runs.state import State, restored, settings_of, state_of
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
 PREVIOUS = "repertoire.previous.safetensors"
@@ -209,7 +209,7 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
 
 
 def whose(folder: Path) -> tuple[dict[str, Any], int]:
-    """Which run the last checkpoint is of: its settings, as `auroraqd.state.settings_of` has them, and its generation.
+    """Which run the last checkpoint is of: its settings, as `auroraqd.runs.state.settings_of` has them, and its generation.
 
     Of a damaged checkpoint, the one before takes the place.
 

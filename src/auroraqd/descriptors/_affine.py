@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd._compiled import compiled
-from auroraqd.scaling import Scaler
+from auroraqd.descriptors.scaling import Scaler
 
 
 class Affine(NamedTuple):

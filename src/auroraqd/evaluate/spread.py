@@ -1,12 +1,4 @@
-"""A task into a task: one that many workers evaluate, processes or a cluster, with the same results.
-
-    with auroraqd.evaluate.over(auroraqd.evaluate.processes(8), my_robot, timeout=60) as task:
-        aurora.run(task, generations=500)
-
-What goes wrong in a worker does not end the run. A chunk of individuals whose evaluation raises, takes too long, or kills its
-worker is tried again, on another worker, then cut in two until it is known which individual it was: that one is invalid, its
-fitness NaN. A worker that fails what others do is set aside.
-"""
+"""A task that many workers evaluate: pieces of a batch, who takes them, and what becomes of those that fail."""
 
 import logging
 import math
@@ -21,12 +13,10 @@ import cloudpickle
 import numpy as np
 
 from auroraqd._checks import number, numeric, seeds_for, whole
-from auroraqd._trust import Trust, Worker
 from auroraqd._workers import cores
-from auroraqd.executors import START, Answer, dask, processes, work_on
+from auroraqd.evaluate._trust import Trust, Worker
+from auroraqd.evaluate.executors import START, Answer, work_on
 from auroraqd.tasks import Evaluation, name_of
-
-__all__ = ["Spread", "dask", "over", "processes"]
 
 _SHORTEST, _LONGEST = 0.01, 0.2  # s, that a chunk should take: far more than to send it, far less than a generation
 _SLOWER = 4.0  # a chunk may take this many times as long as others, and a time limit more

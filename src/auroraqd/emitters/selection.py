@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auroraqd._compiled import compiled
-from auroraqd.archive import Archive
+from auroraqd.archives.base import Archive
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Archives of cells: MAP-Elites.
 
 The space of descriptors is cut into cells, and a cell keeps the fittest individual that fell into it [1]. `GridArchive` cuts
-a box into equal parts; `auroraqd.cvt.CVTArchive` has cells of any shape in any number of dimensions.
+a box into equal parts; `auroraqd.archives.cvt.CVTArchive` has cells of any shape in any number of dimensions.
 
 [1] J.-B. Mouret, J. Clune, Illuminating search spaces by mapping elites, arXiv:1504.04909, 2015.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._checks import numbers, shown, whole
-from auroraqd.archive import NEW, REPLACED, Archive, Placement
+from auroraqd.archives.base import NEW, REPLACED, Archive, Placement
 from auroraqd.individuals import Columns
 
 

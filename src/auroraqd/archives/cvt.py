@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from auroraqd._caches import cache_folder
 from auroraqd._checks import numbers, shown, whole
 from auroraqd._files import replacing
-from auroraqd.cells import CellArchive
+from auroraqd.archives.grid import CellArchive
 
 _BLOCK = 4096  # centroids a matrix product
 _GROUP = 64  # centroids whose smallest score is kept; divides _BLOCK

@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from auroraqd._checks import number, whole
 from auroraqd._compiled import compiled
-from auroraqd.scaling import beyond
+from auroraqd.descriptors.scaling import beyond
 
 _FAR = 2.0  # times as far from the middle as 99 of 100 descriptors: an archive spreads evenly, so 1.2 is what is seen
 _SAMPLE = 20_000  # descriptors that `Size` looks at, at most

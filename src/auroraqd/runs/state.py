@@ -10,16 +10,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd.archive import Archive
+from auroraqd.archives.base import Archive
+from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.aurora import SURVIVAL, Aurora
-from auroraqd.batch import Asked, Proposal
-from auroraqd.descriptor import Descriptor
-from auroraqd.emitters import Genetic, Shared, shared
+from auroraqd.control.update import Attempts
+from auroraqd.descriptors.descriptor import Descriptor
+from auroraqd.emitters.base import Shared, shared
+from auroraqd.emitters.genetic import Genetic
+from auroraqd.emitters.proposal import Asked, Proposal
 from auroraqd.history import History, Record
 from auroraqd.individuals import KNOWN, Columns
-from auroraqd.parts import archive_as_json, archive_made, as_json, made
-from auroraqd.unstructured import UnstructuredArchive
-from auroraqd.update import Attempts
+from auroraqd.runs.parts import archive_as_json, archive_made, as_json, made
 
 _STRATEGIES = ("resolution", "schedule")
 _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits", "_update_due", "_counts")

@@ -11,12 +11,12 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from auroraqd import _transformers, storage
 from auroraqd._checks import number
 from auroraqd._files import as_path, folder_at, told
 from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
-from auroraqd.state import settings_of
+from auroraqd.runs import _transformers, folders
+from auroraqd.runs.state import settings_of
 
 LOCK = ".lock"
 _SHARE = 0.02  # of the time of a run, at most, for checkpoints between its beginning and its end
@@ -34,7 +34,7 @@ class Checkpoints:
 
     Args:
         aurora: the run.
-        folder: where; see `auroraqd.storage`. Created if needed.
+        folder: where; see `auroraqd.runs.folders`. Created if needed.
         every: seconds between two checkpoints, at least; the first is due at once. More, if writing takes long: checkpoints
             take no more than 2% of the time. 0: one at every call.
         config: what to keep as settings; by default those of `aurora`.
@@ -60,7 +60,7 @@ class Checkpoints:
         overwrite: bool = False,
         report: Callable[[str], Any] = lambda text: warnings.warn(text, stacklevel=4),
     ) -> None:
-        storage.check_run(aurora)
+        folders.check_run(aurora)
         self.aurora = aurora
         self.folder = as_path("folder", folder).absolute()  # a task may change the current folder
         self._every = number("every", every)
@@ -87,9 +87,9 @@ class Checkpoints:
             raise told(error, f"nothing can be written into {self.folder}") from None
         try:
             self._keep = self._goes_on()
-            self._first = not (self.folder / storage.CONFIG).exists()
+            self._first = not (self.folder / folders.CONFIG).exists()
             if self._first:  # from the settings alone a run can be done again, should it crash before the first checkpoint
-                storage.write_config(self.aurora, self.folder, self._config)
+                folders.write_config(self.aurora, self.folder, self._config)
         except BaseException:
             self._lock.release()
             raise
@@ -102,7 +102,7 @@ class Checkpoints:
                 if not self.saved and (self.aurora.generation or self._saved):
                     self._save()
                 elif self._first and self._saved is None:  # nothing was found
-                    (self.folder / storage.CONFIG).unlink(missing_ok=True)
+                    (self.folder / folders.CONFIG).unlink(missing_ok=True)
         finally:
             self._lock.release()  # the file stays: to remove it would let two others lock two files of one name
 
@@ -128,9 +128,9 @@ class Checkpoints:
 
     def _save(self) -> None:
         with _collector_waiting():
-            storage.write(self.aurora, self.folder, self._config, keep=self._keep)
+            folders.write(self.aurora, self.folder, self._config, keep=self._keep)
         if not self._keep:
-            (self.folder / storage.PREVIOUS).unlink(missing_ok=True)  # of the run that was there
+            (self.folder / folders.PREVIOUS).unlink(missing_ok=True)  # of the run that was there
         self._keep = True
         self._saved = self._now()
 
@@ -144,10 +144,10 @@ class Checkpoints:
         Raises:
             ValueError: it holds something else that must not be overwritten.
         """
-        if not (self.folder / storage.REPERTOIRE).is_file() and not (self.folder / storage.PREVIOUS).is_file():
+        if not (self.folder / folders.REPERTOIRE).is_file() and not (self.folder / folders.PREVIOUS).is_file():
             return False
         try:
-            settings, generation = storage.whose(self.folder)
+            settings, generation = folders.whose(self.folder)
         except ValueError:
             if self._overwrite:
                 return False

@@ -23,7 +23,9 @@ _PLAIN = {
 _REST = "json"  # what is no array; no attribute of theirs is called so
 _ZIP = b"PK"  # how a file of skops begins
 _PACKED = 200  # times that what is in a packed file may be larger than it
-_TRUSTED = ("auroraqd.autoencoder.AutoEncoder",)  # beyond scikit-learn's
+_TRUSTED = ("auroraqd.AutoEncoder",)  # beyond scikit-learn's
+_FORMERLY = {b'"auroraqd.autoencoder"': b'"auroraqd"'}  # where it was in version 0.2.0
+_SCHEMA = "schema.json"
 
 
 def dumped(transformer: Any) -> bytes:
@@ -68,7 +70,7 @@ def _from_zip(content: bytes, trusted: Sequence[str]) -> Any:
 
     _check_parts(content, 1)
     try:
-        return skops.io.loads(content, trusted=[*_TRUSTED, *trusted])
+        return skops.io.loads(_renamed(content), trusted=[*_TRUSTED, *trusted])
     except UntrustedTypesFoundException as error:
         raise _Refused(
             f"the descriptor needs types that are not trusted. {error}. If you trust them, name them: trusted=[...]"
@@ -180,10 +182,24 @@ def _canonical(content: bytes) -> bytes:
 
     with zipfile.ZipFile(io.BytesIO(content)) as source:
         members = {name: source.read(name) for name in source.namelist()}
-    schema = json.dumps(renumbered(json.loads(members.pop("schema.json")))).encode()
-    renamed = {renumbered(name, "file"): members[name] for name in members}
+    schema = json.dumps(renumbered(json.loads(members.pop(_SCHEMA)))).encode()
+    return _zipped({**{renumbered(name, "file"): member for name, member in members.items()}, _SCHEMA: schema})
+
+
+def _renamed(content: bytes) -> bytes:
+    """The same skops file, its classes where they are today."""
+    with zipfile.ZipFile(io.BytesIO(content)) as source:
+        if not any(old in source.read(_SCHEMA) for old in _FORMERLY):
+            return content
+        members = {name: source.read(name) for name in source.namelist()}
+    for old, new in _FORMERLY.items():
+        members[_SCHEMA] = members[_SCHEMA].replace(old, new)
+    return _zipped(members)
+
+
+def _zipped(members: dict[str, bytes]) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as target:
-        for name, member in sorted({**renamed, "schema.json": schema}.items()):
+        for name, member in sorted(members.items()):
             target.writestr(zipfile.ZipInfo(name), member)
     return out.getvalue()

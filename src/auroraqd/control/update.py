@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd.descriptor import Descriptor, DescriptorError
+from auroraqd.descriptors.descriptor import Descriptor, DescriptorError
+from auroraqd.descriptors.scaling import far_outside
 from auroraqd.individuals import Columns
-from auroraqd.scaling import far_outside
 
 FIRST_FITS = 10  # times that a first fit is tried again, with ever more individuals
 _LONGEST = 20  # doublings of the time to wait: more than any run has

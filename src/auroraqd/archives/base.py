@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from auroraqd._checks import finite_rows, numbers, numeric, shown, whole, whole_numbers
 from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
+from auroraqd.archives.population import Population, Rows
 from auroraqd.individuals import KNOWN, Columns, Individuals, check_dimensions, check_like, measured, stored
-from auroraqd.population import Population, Rows
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""

@@ -8,10 +8,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd import _neighbours
 from auroraqd._checks import number, shown, whole
 from auroraqd._interrupts import uninterrupted
-from auroraqd.archive import Archive, Placement
+from auroraqd.archives import _neighbours
+from auroraqd.archives.base import Archive, Placement
 from auroraqd.individuals import Columns
 
 _MOST_ROWS = int(np.iinfo(np.int32).max)

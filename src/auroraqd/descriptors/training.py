@@ -20,7 +20,7 @@ import numpy as np
 import optax
 
 from auroraqd._interrupts import uninterrupted
-from auroraqd.networks import AutoEncoderNetwork
+from auroraqd.descriptors.networks import AutoEncoderNetwork
 
 Array = Any
 _LEAST_ROWS = 256

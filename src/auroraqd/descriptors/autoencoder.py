@@ -6,7 +6,7 @@ of scikit-learn, so it works outside Aurora as well.
 
 **Distances.** A plain auto-encoder is free to bend its latent space: equal steps there may be large changes of behaviour in
 one place and small ones in another, and an archive, which spaces individuals evenly in the latent space, then covers
-behaviours unevenly. `isometry` weighs a term that keeps distances: see `auroraqd.training.distortion`.
+behaviours unevenly. `isometry` weighs a term that keeps distances: see `auroraqd.descriptors.training.distortion`.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from sklearn.exceptions import NotFittedError
 
 from auroraqd._checks import number, numbers, numeric, rows_of, whole
 from auroraqd._interrupts import uninterrupted
-from auroraqd.scaling import Scaler, Scaling
+from auroraqd.descriptors.scaling import Scaler, Scaling
 
 if TYPE_CHECKING:
-    from auroraqd.networks import AutoEncoderNetwork
-    from auroraqd.training import Progress, Protocol
+    from auroraqd.descriptors.networks import AutoEncoderNetwork
+    from auroraqd.descriptors.training import Progress, Protocol
 
 _listener: ContextVar[Callable[[Progress], Any] | None] = ContextVar("listener", default=None)
 _VERBOSE_GAP = 5.0  # s
@@ -44,7 +44,7 @@ def listening(listener: Callable[[Progress], Any]) -> Iterator[None]:
     """Within this block, have every training report to `listener`, about twice a second.
 
     Args:
-        listener: called with an `auroraqd.training.Progress`.
+        listener: called with an `auroraqd.descriptors.training.Progress`.
     """
     token = _listener.set(listener)
     try:
@@ -180,8 +180,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
                 not take. The estimator stays as it was.
         """
         with uninterrupted():  # half an import would be the end of JAX in this process
-            from auroraqd import networks
-            from auroraqd.training import train
+            from auroraqd.descriptors import networks
+            from auroraqd.descriptors.training import train
 
         protocol = self._protocol()
         x = numeric("x", x, _OBSERVATIONS, rows=True, some=True, finite=True)
@@ -262,7 +262,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         return {name: value for name, value in state.items() if name != "_use"}
 
     def _protocol(self) -> Protocol:
-        from auroraqd.training import Protocol
+        from auroraqd.descriptors.training import Protocol
 
         whole("n_components", self.n_components)
         for name, choices in (("optimizer", ("adam", "adagrad")), ("decay", ("cosine", "none"))):
@@ -300,7 +300,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         if not hasattr(self, "weights_"):
             raise NotFittedError("this AutoEncoder has not been fitted yet: call fit first")
         if getattr(self, "_use", None) is None:
-            from auroraqd import networks
+            from auroraqd.descriptors import networks
 
             network = networks.filled([weight.astype(np.float64) for weight in self.weights_], **self.architecture_)
             self._use = Scaling(self.low_, self.high_).scaler(math.prod(self.observation_shape_)), network
@@ -335,3 +335,6 @@ class _Printer:
         if time.monotonic() >= self._next or progress.epoch == progress.max_epochs:
             print(progress)
             self._next = time.monotonic() + _VERBOSE_GAP
+
+
+AutoEncoder.__module__ = "auroraqd"  # files name it so, wherever it lies

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd import _solvers
-from auroraqd._affine import Affine
 from auroraqd._checks import finite_rows, numbers, numeric, rows_of, shown
+from auroraqd.descriptors import _solvers
+from auroraqd.descriptors._affine import Affine
+from auroraqd.descriptors.scaling import Scaler, Scaling
 from auroraqd.individuals import Columns
-from auroraqd.scaling import Scaler, Scaling
 
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"

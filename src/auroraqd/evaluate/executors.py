@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd._checks import whole
-from auroraqd._trust import Worker, this_worker
 from auroraqd._workers import cores, one_thread, settle
+from auroraqd.evaluate._trust import Worker, this_worker
 from auroraqd.tasks import Evaluation, as_evaluation, called
 
 START = 120.0  # s, that workers may take to start

@@ -1,0 +1,18 @@
+"""Emitters: what makes the genotypes that are evaluated next.
+
+An emitter has one method, and may have more:
+
+    ask(archive, n, rng)            (genotypes, parents): (n, n_genes) in [0, 1], and (n,) ids of their parents, -1 for none
+    tell(archive, batch, info)      what became of its genotypes: their `Columns`, all n of them, the descriptor of invalid ones
+                                    NaN, and their `Info`, after the archive has taken them
+    updated(archive, describe)      the descriptor has changed; `describe` gives the new one of any `Columns` with observations
+    state, restore(state)           what it remembers, as a dict of JSON values and arrays, for checkpoints
+
+It is not asked while nothing is stored, when genotypes are random, unless it has a true attribute `starts`. `Aurora` copies
+what it is given, so that an emitter belongs to one run.
+"""
+
+from auroraqd.emitters.base import Emitter
+from auroraqd.emitters.genetic import Genetic
+
+__all__ = ["Emitter", "Genetic"]

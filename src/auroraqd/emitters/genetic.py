@@ -1,0 +1,50 @@
+"""The genetic emitter: selection, then variation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auroraqd._checks import check_callable
+from auroraqd.archives.base import Archive
+from auroraqd.emitters.selection import Curiosity
+from auroraqd.emitters.variation import Polynomial
+
+
+@dataclass(frozen=True)
+class Genetic:
+    """Offspring of selected individuals: the emitter of the AURORA paper.
+
+    Args:
+        selection: `select(archive, n, rng)` to n rows of the archive; see `auroraqd.emitters.selection`.
+        variation: `vary(parents, rng)` to children; see `auroraqd.emitters.variation`.
+    """
+
+    selection: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Curiosity)
+    variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(default_factory=Polynomial)
+
+    def __post_init__(self) -> None:
+        for name in ("selection", "variation"):
+            check_callable(name, getattr(self, name))
+
+    def ask(self, archive: Archive, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Children and their parents; of a group of parents, the first.
+
+        Raises:
+            ValueError: the selection or the variation returned something else than it must.
+        """
+        n_parents = getattr(self.variation, "n_parents", 1)
+        wanted = n * n_parents
+        rows = np.asarray(self.selection(archive, wanted, rng))
+        if rows.shape != (wanted,) or rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= len(archive):
+            raise ValueError(f"selection must return ({wanted},) rows of the archive, got shape {rows.shape} of {rows.dtype}")
+        if n_parents > 1:
+            rows = rows.reshape(n, n_parents)
+        genotype = archive.genotype
+        children = np.array(self.variation(genotype.take(rows, axis=0), rng), np.float64)
+        shape = n, genotype.shape[1]
+        if children.shape != shape or not (children.min() >= 0 and children.max() <= 1):
+            raise ValueError(f"variation must return genotypes of shape {shape} in [0, 1], got shape {children.shape}")
+        return children, archive.id[rows if n_parents == 1 else rows[:, 0]]
