@@ -385,8 +385,8 @@ class Aurora:
                 script that resumes its run needs no other.
             initial: (m, n_genes) in [0, 1], known controllers, evaluated first. While nothing is stored, random ones fill
                 the batch up.
-            callback: called with this object after each generation; the run stops when it returns True. Of several, a sequence,
-                all are called, in order.
+            callback: called with this object after each generation; the run stops when it returns True. Or an object with some
+                of the methods of `auroraqd.callbacks`. Of several, a sequence, all are called, in order.
             progress: whether to show how it goes: a bar on a terminal, a line every ten seconds elsewhere, on standard error.
 
         Raises:

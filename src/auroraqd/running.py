@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auroraqd._checks import check_callable, number, whole
+from auroraqd._checks import number, whole
+from auroraqd.callbacks.base import Callbacks
 from auroraqd.tasks import TaskError, evaluated, name_of
 
 if TYPE_CHECKING:
@@ -19,15 +20,20 @@ if TYPE_CHECKING:
 
 def run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callback: Any, progress: bool) -> None:
     """See `Aurora.run`, whose arguments have been checked, but for the callback."""
-    callbacks = _callbacks(callback)
+    callbacks = Callbacks(callback)
     how = aurora.remember(task)
     if how is not None:
         warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
     with _shown(aurora, budget) if progress else nullcontext() as show:
-        _run(aurora, task, budget, known, callbacks if show is None else [*callbacks, show])
+        both = callbacks if show is None else Callbacks([callbacks, show])
+        both.start(aurora)
+        try:
+            _run(aurora, task, budget, known, both)
+        finally:
+            both.end(aurora)
 
 
-def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callbacks: list[Callable]) -> None:
+def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callbacks: Callbacks) -> None:
     while not budget.used_up():
         if aurora.pending is None and known is not None:
             aurora.ask_known(known)
@@ -45,7 +51,7 @@ def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | Non
                 f"task {name_of(task)} gave no valid individual in {aurora.generation} generations: fitness or observation was "
                 f"NaN or infinite for all {aurora.evaluations} evaluations"
             )
-        if any([_is_true(callback(aurora)) for callback in callbacks]):
+        if callbacks.generation(aurora):
             break
 
 
@@ -88,21 +94,6 @@ class Budget:
             or self._aurora.evaluations >= self._evaluations
             or time.monotonic() >= self._deadline
         )
-
-
-def _is_true(value: Any) -> bool:
-    """Whether it is True, of Python or of NumPy: what else a callback returns means nothing."""
-    return isinstance(value, bool | np.bool_) and bool(value)
-
-
-def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
-    """One callback, several or none as a list."""
-    if given is None:
-        return []
-    several = list(given) if isinstance(given, Sequence) else [given]
-    for callback in several:
-        check_callable("callback", callback)
-    return several
 
 
 def _shown(aurora: Aurora, budget: Budget) -> Any:

@@ -1,0 +1,82 @@
+"""What a callback is: a function that is called after each generation, or an object with some of four methods.
+
+start(aurora)        the run begins, or goes on
+generation(aurora)   a generation is done; the run stops when it returns True
+update(aurora)       in that generation, the descriptor was updated
+end(aurora)          the run ends, whatever ends it
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from auroraqd._checks import shown
+
+METHODS = ("start", "generation", "update", "end")
+
+
+class Callbacks:
+    """Several callbacks as one.
+
+    Args:
+        given: one, a sequence of them, or None.
+
+    Raises:
+        TypeError: one is none.
+    """
+
+    def __init__(self, given: Any) -> None:
+        several = [] if given is None else list(given) if isinstance(given, Sequence) else [given]
+        for callback in several:
+            has = any(callable(getattr(callback, name, None)) for name in METHODS)
+            if isinstance(callback, type) or not (has or callable(callback)):
+                raise TypeError(
+                    "callback must be callable, an instance and not a class, or have one of the methods "
+                    f"{', '.join(METHODS)}, got {shown(callback)}"
+                )
+        self._several = several
+        self._descriptor: Any = None
+
+    def start(self, aurora: Any) -> None:
+        """The run begins."""
+        self._descriptor = aurora.descriptor
+        self._call("start", aurora)
+
+    def generation(self, aurora: Any) -> bool:
+        """A generation is done: call all, in order. Returns whether the run is to stop."""
+        if aurora.descriptor is not self._descriptor:
+            self._descriptor = aurora.descriptor
+            self._call("update", aurora)
+        return any([_is_true(_after_generation(callback)(aurora)) for callback in self._several])
+
+    def end(self, aurora: Any) -> None:
+        """The run ends: tell all, also if one of them raises."""
+        failure: BaseException | None = None
+        for callback in self._several:
+            try:
+                getattr(callback, "end", _nothing)(aurora)
+            except Exception as error:
+                failure = failure or error
+        if failure is not None:
+            raise failure
+
+    def _call(self, name: str, aurora: Any) -> None:
+        for callback in self._several:
+            getattr(callback, name, _nothing)(aurora)
+
+
+def _after_generation(callback: Any) -> Callable[[Any], Any]:
+    own = getattr(callback, "generation", None)
+    return own if callable(own) else callback if callable(callback) else _nothing
+
+
+def _nothing(aurora: Any) -> None:
+    pass
+
+
+def _is_true(value: Any) -> bool:
+    """Whether it is True, of Python or of NumPy: what else a callback returns means nothing."""
+    return isinstance(value, bool | np.bool_) and bool(value)
