@@ -403,7 +403,7 @@ def test_it_says_what_the_task_says():
     ("arguments", "error", "message"),
     [
         ((ThreadPoolExecutor(1), robots.good), TypeError, "executor must be a function that makes an executor"),
-        ((partial(ThreadPoolExecutor, 1), 5), TypeError, "task must be callable, got 5"),
+        ((partial(ThreadPoolExecutor, 1), 5), TypeError, "task must be callable, an instance and not a class, got 5"),
         (
             (partial(ThreadPoolExecutor, 1), partial(robots.good, threading.Lock())),
             ValueError,

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
+from auroraqd._checks import shown
+
 _MOST = 2**63  # of a whole number in a table
 _Row = TypeVar("_Row", bound=tuple)
 
@@ -15,12 +17,15 @@ def as_path(name: str, value: Any) -> Path:
     """A path, of what the user gave as one.
 
     Raises:
-        TypeError: it is none.
+        TypeError, ValueError: it is none.
     """
     try:
-        return Path(value)
+        path = Path(value)
     except TypeError:
-        raise TypeError(f"{name} must be a path, got {value!r}") from None
+        raise TypeError(f"{name} must be a path, got {shown(value)}") from None
+    if "\0" in str(path):
+        raise ValueError(f"{name} must be a path, got {shown(value)}")
+    return path
 
 
 def told(error: OSError, what: str) -> OSError:

@@ -17,7 +17,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd import _neighbours
-from auroraqd._checks import finite_rows, number, numbers, numeric, rows_of, shown, whole, whole_numbers
+from auroraqd._checks import (
+    finite_rows,
+    instance,
+    mapping,
+    number,
+    numbers,
+    numeric,
+    one_of,
+    rows_of,
+    shown,
+    whole,
+    whole_numbers,
+)
 from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
 from auroraqd.population import ORIGIN, Population
@@ -125,6 +137,8 @@ class Archive(ABC):
         Raises:
             ValueError: no archive can have had them; this one is unchanged.
         """
+        mapping("columns", columns)
+        state = mapping("state", state)
         next_id, rearranged = (whole(name, state.get(name), least=0, most=_MOST_ID) for name in ("next_id", "rearranged"))
         check_columns(columns)
         ids = columns["id"]
@@ -450,11 +464,9 @@ class UnstructuredArchive(Archive):
         capacity: int | None = None,
     ) -> None:
         super().__init__()
-        if not isinstance(competition, str) or competition not in ("dominance", "elitist"):
-            raise ValueError(f"competition must be 'dominance' or 'elitist', got {shown(competition)}")
         self._k = whole("k", k, most=10**6)
         self._epsilon = number("epsilon", epsilon, most=np.nextafter(1, 0), wanted="0 or more and below 1")
-        self._competition = competition
+        self._competition = one_of("competition", competition, ("dominance", "elitist"))
         self._capacity = None if capacity is None else whole("capacity", capacity, most=_MOST_ROWS)
         self._l = number("l", l)
         self._scratch = _neighbours.scratch(self._k)
@@ -514,7 +526,7 @@ class UnstructuredArchive(Archive):
 
     @l.setter
     def l(self, value: float) -> None:
-        self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=value)
+        self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=number("l", value))
 
     def redescribe(
         self,
@@ -560,7 +572,7 @@ class UnstructuredArchive(Archive):
     def restore(self, columns: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
         """As `Archive.restore`."""
         with self._lock, uninterrupted():
-            l = number("l", state.get("l"))
+            l = number("l", mapping("state", state).get("l"))
             super().restore(columns, state)
             self._l = l
 
@@ -591,9 +603,10 @@ def check_columns(columns: Mapping[str, np.ndarray]) -> None:
     missing = [name for name in _COLUMNS if name not in columns and name not in _OPTIONAL]
     if missing:
         raise ValueError(f"the columns of an archive must have {', '.join(missing)}")
-    n = len(columns["genotype"]) if columns["genotype"].ndim else 0
+    n = len(columns["genotype"]) if np.ndim(columns["genotype"]) else 0
     for name, column in columns.items():
         axes, dtype = _COLUMNS.get(name, (None, None))
+        instance(name, column, np.ndarray, "an array")
         if column.dtype.kind not in "biuf" or column.dtype.itemsize > 8 or dtype not in (None, column.dtype):
             raise ValueError(f"{name} must be {'numbers' if dtype is None else np.dtype(dtype)}, got {column.dtype}")
         if column.ndim == 0 or axes not in (None, column.ndim) or len(column) != n:
@@ -619,7 +632,4 @@ def _origin(name: str, values: ArrayLike | None, n: int) -> np.ndarray:
     """Whole numbers that say where n individuals come from, (n,); -1 if they are not given."""
     if values is None:
         return np.full(n, -1)
-    whole = whole_numbers(name, values)
-    if whole.ndim != 1:
-        raise ValueError(f"{name} must have shape (n,), got {whole.shape}")
-    return whole
+    return whole_numbers(name, values, axes=1)

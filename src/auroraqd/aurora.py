@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, number, numbers, numeric, shown, whole
+from auroraqd._checks import MOST_SEED, finite_rows, flag, function, instance, number, numbers, numeric, shown, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archive import INVALID, NEW, REJECTED, REPLACED, Archive, UnstructuredArchive, check_like
 from auroraqd.batch import Batch, Pending
@@ -36,6 +36,7 @@ SURVIVAL = 0.25
 """The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
 those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were kept."""
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
+_MOST = 10**8  # genes, and individuals of a batch
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
 
 
@@ -88,33 +89,33 @@ class Aurora:
         survival: float = SURVIVAL,
         robust: bool = True,
     ) -> None:
-        self.n_genes = whole("n_genes", n_genes)
-        self.batch_size = whole("batch_size", batch_size)
+        self.n_genes = whole("n_genes", n_genes, most=_MOST)
+        self.batch_size = whole("batch_size", batch_size, most=_MOST)
         for name, value in (("selection", selection), ("variation", variation), ("schedule", schedule)):
-            _check_callable(name, value)
+            function(name, value)
         if resolution is not None:
-            _check_callable("resolution", resolution)
-        if archive is not None and not isinstance(archive, Archive):
-            raise TypeError(f"archive must be an archive of auroraqd, got {archive!r}")
+            function("resolution", resolution)
+        if archive is not None:
+            instance("archive", archive, Archive, "an archive of auroraqd")
         self.archive = UnstructuredArchive() if archive is None else archive
         self.selection = selection
         self.variation = variation
         self.resolution = _resolution_for(self.archive, resolution)
         self.schedule = schedule
         self.survival = number("survival", survival, most=1, wanted="a share, from 0 to 1")
-        if not isinstance(robust, bool):
-            raise TypeError(f"robust must be True or False, got {robust!r}")
-        self.robust = robust
+        self.robust = flag("robust", robust)
         self.generation = 0
         self.evaluations = 0
         self.history = History()
-        self.seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else whole("seed", seed, least=0)
+        self.seed = (
+            int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else whole("seed", seed, least=0, most=MOST_SEED)
+        )
         self._rng = np.random.default_rng(self.seed)
         self._descriptor = Descriptor.checked(descriptor, self._rng)
         self._refits = self._descriptor.learned and prior is None
         if prior is not None:
             if not self._descriptor.learned:
-                raise ValueError(f"prior is for descriptors that are learned, not for {descriptor!r}")
+                raise ValueError(f"prior is for descriptors that are learned, not for {shown(descriptor)}")
             self._descriptor = self._descriptor.refitted(
                 numeric("prior", prior, " of shape (n, ...)", rows=True, some=True, finite=True)
             )
@@ -182,7 +183,7 @@ class Aurora:
     def _asked(self, genotypes: ArrayLike | None) -> np.ndarray:
         since = time.perf_counter()
         if genotypes is not None:
-            children = self._checked_genotypes(genotypes)
+            children = self._checked_genotypes("genotypes", genotypes)
             parent_row = np.full(len(children), -1)
         elif len(self.archive) == 0:
             children = self._rng.random((self.batch_size, self.n_genes))
@@ -274,12 +275,13 @@ class Aurora:
         Warns:
             UserWarning: the run was resumed, and the task, its arguments or its code are others than before.
         """
-        _check_callable("task", task)
+        function("task", task)
         budget = _Budget(self, generations, evaluations, seconds, until_generation)
         callbacks = _callbacks(callback)
-        known = None if initial is None else self._checked_genotypes(initial)
+        known = None if initial is None else self._checked_genotypes("initial", initial)
+        show_it = flag("progress", progress)
         self._remember(task)
-        with _shown(self, budget) if progress else nullcontext() as show:
+        with _shown(self, budget) if show_it else nullcontext() as show:
             self._run(task, budget, known, callbacks if show is None else [*callbacks, show])
         return self
 
@@ -314,12 +316,12 @@ class Aurora:
         with uninterrupted():
             self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
-    def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
-        children = numbers("genotypes", genotypes, f" of shape (n, {self.n_genes})").copy()
+    def _checked_genotypes(self, name: str, genotypes: ArrayLike) -> np.ndarray:
+        children = numbers(name, genotypes, f" of shape (n, {self.n_genes})").copy()
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
-            raise ValueError(f"genotypes must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
+            raise ValueError(f"{name} must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
         if not ((children >= 0) & (children <= 1)).all():
-            raise ValueError("genotypes must be in [0, 1]")
+            raise ValueError(f"{name} must be in [0, 1]")
         return children
 
     def _check_as_before(self, evaluation: Evaluation) -> None:
@@ -566,13 +568,8 @@ def _resolution_for(archive: Archive, resolution: Any) -> Any:
         return resolution
     if resolution not in (None, Automatic(), VAT(), VAT(robust=False)):
         has_none = f"{type(archive).__name__} has none"
-        raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {resolution!r}")
+        raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {shown(resolution)}")
     return None
-
-
-def _check_callable(name: str, value: object) -> None:
-    if isinstance(value, type) or not callable(value):
-        raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")
 
 
 def _is_true(value: Any) -> bool:
@@ -586,7 +583,7 @@ def _callbacks(given: Any) -> list[Callable[[Aurora], Any]]:
         return []
     several = list(given) if isinstance(given, Sequence) else [given]
     for callback in several:
-        _check_callable("callback", callback)
+        function("callback", callback)
     return several
 
 

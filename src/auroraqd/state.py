@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd import resolution, schedule, selection, variation
+from auroraqd._checks import shown
 from auroraqd.archive import Archive, UnstructuredArchive
 from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.batch import Batch, Pending
@@ -161,7 +162,7 @@ def _strategy(name: str, value: Any, module: Any) -> Any:
     options = dict(value) if isinstance(value, Mapping) else {"type": value}
     kind = getattr(module, str(options.pop("type", None)), None)
     if not isinstance(value, Mapping) or not is_dataclass(kind):
-        raise ValueError(f"{name} was {value!r}, which is not of auroraqd: give it again, resume(..., {name}=...)")
+        raise ValueError(f"{name} was {shown(value)}, which is not of auroraqd: give it again, resume(..., {name}=...)")
     return kind(**options)  # pyright: ignore[reportCallIssue] - a type
 
 
@@ -171,7 +172,7 @@ def _archive(settings: Mapping[str, Any], constants: Mapping[str, np.ndarray], g
     kind = options.pop("type")
     if given is not None:
         if type(given).__name__ != kind or len(given):
-            raise ValueError(f"archive must be an empty {kind}, as before, got {given!r}")
+            raise ValueError(f"archive must be an empty {kind}, as before, got {shown(given)}")
         return given
     if kind == CVTArchive.__name__:
         return CVTArchive(Tessellation(constants["centroids"], options["asked"], options["samples"], options["steps"]))
