@@ -155,13 +155,13 @@ def test_genes_say_what_they_are():
         (lambda: tasks.Genes(a=(0, 1, "m", "s")), "gene a must be .*, got .*'m', 's'"),
         (lambda: tasks.Genes(a=(None, 1)), "gene a must be .*low must be a finite number, a bound, got None$"),
         (lambda: tasks.Genes(a=("x", 1)), "gene a must be .*low must be a finite number, a bound, got 'x'$"),
-        (lambda: tasks.Genes(a=([1, 2], 1)), "gene a must be .*low must be a finite number, a bound, got \[1, 2\]$"),
+        (lambda: tasks.Genes(a=([1, 2], 1)), r"gene a must be .*low must be a finite number, a bound, got \[1, 2\]$"),
         (lambda: GENES.scale([[0.5]]), r"genotypes must have 2 genes \(angle, speed\), got shape \(1, 1\)"),
         (lambda: GENES.unscale([0, 2.5]), r"speed must be in \[0, 2\], got 2.5"),
         (lambda: GENES.scale("fast"), "genotypes must be numbers, got 'fast'"),
         (lambda: GENES.unscale([None, 1]), r"values must be numbers, got \[None, 1\]"),
         (lambda: tasks.each(one, n_genes=0), "n_genes must be"),
-        (lambda: tasks.from_jax(in_jax)(np.empty((0, 2))), "genotypes must have shape \(n, n_genes\), with entries"),
+        (lambda: tasks.from_jax(in_jax)(np.empty((0, 2))), r"genotypes must have shape \(n, n_genes\), with entries"),
     ],
 )
 def test_bad_arguments(call, message):

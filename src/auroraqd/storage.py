@@ -29,7 +29,7 @@ import numpy as np
 
 from auroraqd import _tensors, _transformers
 from auroraqd._checks import flag, function, instance, mapping, shown
-from auroraqd._files import as_path, folder_at, read_table, replacing
+from auroraqd._files import as_path, folder_at, read_table, replacing, text_of
 from auroraqd._saved import check_arrays, check_values
 from auroraqd.archive import Archive, check_columns
 from auroraqd.aurora import Aurora
@@ -258,9 +258,10 @@ def load_config(folder: str | os.PathLike) -> dict[str, Any]:
     """
     path = _existing(folder, CONFIG)
     try:
-        config = json.loads(path.read_text())
+        config = json.loads(text_of(path))
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
+        text = f"{error}"
+        raise ValueError(text if text.startswith(f"{path} is damaged") else f"{path} is damaged: {text}") from None
     if not isinstance(config, dict):
         raise ValueError(f"{path} must hold a JSON object")
     return config
@@ -316,7 +317,7 @@ def _last(folder: str | os.PathLike, made: Callable[..., _Made], trouble: str = 
         try:
             return made(arrays, kind)
         except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-            raise ValueError(f"{path} does not hold what a run needs: {error!r}") from error
+            raise ValueError(f"{path} does not hold what a run needs: {shown(error)}") from error
         except ValueError as error:
             raise ValueError(f"{path} {trouble}: {error}") from error
 
@@ -341,7 +342,7 @@ def _values(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     try:
         values = json.loads(arrays[_STATE].tobytes())
     except (KeyError, ValueError, RecursionError) as error:
-        raise ValueError(f"its state cannot be read: {error!r}") from None
+        raise ValueError(f"its state cannot be read: {shown(error)}") from None
     check_values(values)
     return values
 
