@@ -201,9 +201,9 @@ def test_known_controllers_come_first(ballistic):
     aurora.run(lambda g: seen.append(g) or ballistic(g), generations=1, initial=known)
     assert_array_equal(seen[2], known)
     assert aurora.evaluations == 22
-    with pytest.raises(ValueError, match=r"genotypes must be in \[0, 1\]"):
+    with pytest.raises(ValueError, match=r"initial must be in \[0, 1\]"):
         aurora.run(ballistic, generations=1, initial=known * 2)
-    with pytest.raises(ValueError, match="genotypes must have shape"):
+    with pytest.raises(ValueError, match="initial must have shape"):
         aurora.run(ballistic, generations=1, initial=known[0])
 
 

@@ -393,6 +393,49 @@ def test_what_no_module_defines_at_its_top_is_sent_itself():
     assert evaluate.over(evaluate.processes(1), robots.good)._content == pickle.dumps(robots.good, pickle.HIGHEST_PROTOCOL)
 
 
+PROGRAM = """import numpy as np
+from auroraqd import evaluate
+offset = 1.0
+def helper(genotypes):
+    return genotypes + offset
+
+def made(gain):
+    def task(genotypes):
+        return np.zeros(len(genotypes)), gain * helper(genotypes)
+    return task
+
+if __name__ == "__main__":
+    genotypes = np.random.default_rng(0).random((6, 2))
+    with evaluate.over(evaluate.processes(2), made(3.0), chunk=1) as spread:
+        print("same", np.array_equal(spread(genotypes).observation, made(3.0)(genotypes)[1]))
+
+"""
+NOTEBOOK = """import sys, types
+cell = sys.modules["__main__"] = types.ModuleType("__main__")
+exec(compile(sys.argv[1], "<ipython-input-1>", "exec"), vars(cell))
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "typed"),
+    [
+        (["program.py"], ""),
+        (["-"], PROGRAM),
+        (["-i", "-q"], PROGRAM),
+        (["-c", PROGRAM], ""),
+        (["-c", NOTEBOOK, PROGRAM], ""),
+    ],
+    ids=["a script", "standard input", "interactive", "a command", "a notebook"],
+)
+def test_functions_of_what_is_run_travel_to_workers(tmp_path, options, typed):
+    """A closure, and what it calls and reads, of a file or of none."""
+    (tmp_path / "program.py").write_text(PROGRAM)
+    command = [sys.executable, *options]
+    done = subprocess.run(command, input=typed, cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "same True" in done.stdout, done.stderr
+
+
 def test_it_says_what_the_task_says():
     task = evaluate.over(evaluate.processes(1), auroraqd.tasks.AirHockey(restitution_threshold=1.0))
     assert (task.n_genes, task.__name__, task.restitution_threshold) == (8, "AirHockey", 1.0)
@@ -404,7 +447,7 @@ def test_it_says_what_the_task_says():
     ("arguments", "error", "message"),
     [
         ((ThreadPoolExecutor(1), robots.good), TypeError, "executor must be a function that makes an executor"),
-        ((partial(ThreadPoolExecutor, 1), 5), TypeError, "task must be callable, got 5"),
+        ((partial(ThreadPoolExecutor, 1), 5), TypeError, "task must be callable, an instance and not a class, got 5"),
         (
             (partial(ThreadPoolExecutor, 1), partial(robots.good, threading.Lock())),
             ValueError,

@@ -524,7 +524,7 @@ ZEROS = np.zeros((2, 7))
         ),
         (lambda: tasks.Gym("Swimmer-v5", fitness=lambda e: 0.0)(ZEROS), r"fitness must return shape \(2,\)"),
         (lambda: tasks.Sinusoids(slowest=2, fastest=1), "fastest must be"),
-        (lambda: tasks.Splines(knots=1), "knots must be a whole number, 2 or more, got 1"),
+        (lambda: tasks.Splines(knots=1), "knots must be a whole number, from 2 to 1000000, got 1"),
         (lambda: tasks.MLP(hidden=(0,)), "hidden must be a whole number"),
         (lambda: tasks.MLP(scale=(1, 0)), "scale must be more than 0"),
         (lambda: tasks.MLP(scale=(1, 1)).policy(np.zeros((1, 100)), 3, 1), "scale must have 3 entries"),
@@ -550,8 +550,8 @@ ZEROS = np.zeros((2, 7))
         (lambda: film(tasks.Gym("Swimmer-v5"), ZEROS, "nowhere.gif", names=2), "names must be 2, .*, got 2"),
         (lambda: filmed(), "names must be 2, one for each genotype, got 1"),
         (lambda: filmed(env_id="CartPole-v1"), "task CartPole-v1 is not of MuJoCo"),
-        (lambda: tasks.Gym("Swimmer-v5", positions=[0.5]), "positions must be whole numbers of shape"),
-        (lambda: tasks.Gym("Swimmer-v5", positions=3), "positions must be whole numbers of shape"),
+        (lambda: tasks.Gym("Swimmer-v5", positions=[0.5]), "positions must be whole numbers, got"),
+        (lambda: tasks.Gym("Swimmer-v5", positions=3), r"positions must have shape \(n,\)"),
         (lambda: tasks.Gym("Swimmer-v5", modify=5), "modify must be a function"),
         (lambda: tasks.Gym("Swimmer-v5", modify=lambda model: 1 / 0), "modify raised ZeroDivisionError for Swimmer-v5"),
         (lambda: tasks.Gym("Swimmer-v5", controller=tasks.Sinusoids), "controller must have a method n_genes"),
@@ -562,7 +562,7 @@ ZEROS = np.zeros((2, 7))
         (lambda: tasks.Gym("Swimmer-v5", noisy="no"), "noisy must be True or False, got 'no'"),
         (
             lambda: tasks.Gym("Swimmer-v5", observe=[[0], [0, 1]]),
-            r"observe must be whole numbers of shape \(chosen",
+            r"observe must be numbers with rows of one shape",
         ),
     ],
 )

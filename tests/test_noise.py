@@ -184,7 +184,7 @@ def test_how_repeatable_skills_are(tmp_path):
 
 
 def test_mistakes():
-    with pytest.raises(TypeError, match="task must be callable, got 3"):
+    with pytest.raises(TypeError, match="task must be callable, an instance and not a class, got 3"):
         tasks.repeated(3, 2)
     with pytest.raises(ValueError, match="times must be"):
         tasks.repeated(Windy(), 0)

@@ -128,7 +128,7 @@ def test_evaluations_that_are_none(learned):
         with pytest.raises(IndexError, match=f"rows must be of the repertoire, 0 to {len(learned) - 1}, got {row}"):
             learned.evaluate(Ballistic(), [0, row])
     for rows in ([0.5], [], [[1, 2], [3]], "all"):
-        with pytest.raises(ValueError, match=r"rows must be whole numbers of shape \(n,\), at least one, got "):
+        with pytest.raises(ValueError, match=r"rows must (be|have) .*, got "):
             learned.evaluate(Ballistic(), rows)
     with pytest.raises(TypeError, match="task must be callable, an instance and not a class, got 'ballistic'"):
         learned.evaluate("ballistic")

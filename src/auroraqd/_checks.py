@@ -1,36 +1,103 @@
 """What arguments must be, and how to say what came: one sentence with the argument's name, what was wanted and what came."""
 
 import reprlib
+from collections.abc import Callable, Mapping
 from decimal import Decimal
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
+_LONGEST = 200  # characters of what came, in a message
+_MOST_ENTRIES = 2**40  # of an array: one that repeats itself takes no memory, and what is made of it would
+_MOST = 2**63 - 1
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 100
+MOST_SEED = 2**128 - 1
+"""The largest seed: as large as what seeds come from."""
+
 
 def shown(value: Any) -> str:
-    """A value in short, whatever it is."""
+    """A value in short, in one line, whatever it is."""
     try:
-        return reprlib.repr(value)
+        text = " ".join(_short.repr(value).split())
     except Exception:  # a whole number of thousands of digits has none in Python, and what others make may have none at all
-        return f"a {type(value).__name__}"
+        return f"{'an' if type(value).__name__[0] in 'aeiou' else 'a'} {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def instance(name: str, value: Any, kind: Any, wanted: str) -> Any:
+    """The value, if it is of a kind.
+
+    Raises:
+        TypeError: it is not.
+    """
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} must be {wanted}, got {shown(value)}")
+    return value
+
+
+def mapping(name: str, value: Any) -> Mapping:
+    """The value, if it is a dictionary or the like."""
+    return instance(name, value, Mapping, "a dictionary, of values by name")
+
+
+def function(name: str, value: Any) -> Callable:
+    """The value, if it can be called and is no class.
+
+    Raises:
+        TypeError: it cannot, or is one.
+    """
+    if isinstance(value, type) or not callable(value):
+        raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")
+    return value
+
+
+def flag(name: str, value: Any) -> bool:
+    """The value as a bool.
+
+    Raises:
+        ValueError: it is neither True nor False.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name} must be True or False, got {shown(value)}")
+    return bool(value)
+
+
+def one_of(name: str, value: Any, choices: Any) -> str:
+    """The value, if it is one of these words.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(choices)}, got {shown(value)}")
+    return value
 
 
 def whole(name: str, value: Any, *, least: int = 1, most: int | None = None) -> int:
-    """The value as an int.
+    """The value as an int, of at most 64 bits if nothing else is said.
 
     Raises:
         ValueError: it is no whole number, or out of range.
     """
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | np.integer)
-        or value < least
-        or (most is not None and value > most)
-    ):
-        limit = f"{least} or more" if most is None else f"from {least} to {most}"
+    numeric = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not (numeric and least <= value <= (_MOST if most is None else most)):
+        unbounded = most is None and not (numeric and value > _MOST)
+        limit = f"{least} or more" if unbounded else f"from {least} to {_MOST if most is None else most}"
         raise ValueError(f"{name} must be a whole number, {limit}, got {shown(value)}")
     return int(value)
+
+
+def wholes(name: str, values: Any, wanted: str, *, most: int | None = None) -> tuple[int, ...]:
+    """A sequence of whole numbers, 1 or more.
+
+    Raises:
+        ValueError: it is something else.
+    """
+    if not isinstance(values, list | tuple | range | np.ndarray) or (isinstance(values, np.ndarray) and values.ndim == 0):
+        raise ValueError(f"{name} must be {wanted}, got {shown(values)}")
+    return tuple(whole(name, value, most=most) for value in values)
 
 
 def number(name: str, value: Any, *, least: float = 0.0, most: float = np.inf, wanted: str = "0 or more") -> float:
@@ -97,6 +164,8 @@ def numeric(
         came = shown(values) if got is None or getattr(got, "kind", "O") == "O" else f"an array of {got}"
         uneven = shape or (" with rows of one shape" if "inhomogeneous" in str(error) else "")
         raise ValueError(f"{name} must be numbers{uneven}, got {came}") from None
+    if array.size > _MOST_ENTRIES:
+        raise ValueError(f"{name} must have at most {_MOST_ENTRIES:,} entries, got shape {array.shape}")
     if array.dtype.itemsize > 8:
         raise ValueError(f"{name} must be numbers of at most 64 bits, got {array.dtype}")
     if axes not in (None, array.ndim) or (rows and array.ndim == 0) or (some and array.size == 0):
@@ -128,19 +197,16 @@ def _masked(values: Any) -> bool:
     return bool(np.ma.is_masked(values))
 
 
-def whole_numbers(name: str, values: Any) -> np.ndarray:
-    """The values as an array of int64.
+def whole_numbers(name: str, values: Any, *, axes: int | None = None, some: bool = False) -> np.ndarray:
+    """An array of int64, which may be empty: see `numeric`.
 
     Raises:
-        ValueError: they are no whole numbers, or not rows of one shape.
+        ValueError: they are no whole numbers of at most 64 bits, or of another shape.
     """
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ValueError(f"{name} must be an array of whole numbers") from None
-    if (array.dtype.kind not in "iu" and array.size) or _masked(values):
-        raise ValueError(f"{name} must be whole numbers, got {array.dtype}")
-    if array.dtype == np.uint64 and array.size and array.max() > np.iinfo(np.int64).max:
+    array = numeric(name, values, axes=axes, some=some)
+    if array.dtype.kind not in "iu" and array.size:
+        raise ValueError(f"{name} must be whole numbers, got {shown(values)}")
+    if array.dtype == np.uint64 and (array > _MOST).any():
         raise ValueError(f"{name} must be below 2^63, got {array.max()}")
     return array.astype(np.int64, copy=False)
 
@@ -153,15 +219,16 @@ def seeds_for(name: str, seeds: Any, n: int) -> np.ndarray:
     """
     if not isinstance(seeds, np.ndarray):
         # Of whole numbers on both sides of 2**63, NumPy would make floats.
-        seeds = np.asarray(list(seeds) if np.iterable(seeds) else seeds, object)
+        words = isinstance(seeds, str | bytes)
+        seeds = np.asarray(list(seeds) if np.iterable(seeds) and not words else seeds, object)
     if seeds.shape != (n,):
-        came = f"shape {seeds.shape}" if seeds.ndim else reprlib.repr(seeds[()])
+        came = f"shape {seeds.shape}" if seeds.ndim else shown(seeds[()])
         raise ValueError(f"{name} must have shape ({n},), got {came}")
     if seeds.dtype.kind in "iu":
         return seeds
     wrong = [seed for seed in seeds.tolist() if not isinstance(seed, int | np.integer) or isinstance(seed, bool)]
     if wrong:
-        raise ValueError(f"{name} must be whole numbers, got {type(wrong[0]).__name__} {wrong[0]!r}")
+        raise ValueError(f"{name} must be whole numbers, got {type(wrong[0]).__name__} {shown(wrong[0])}")
     return seeds  # Python's own are of any size
 
 
@@ -189,9 +256,3 @@ def finite_rows(rows: np.ndarray) -> np.ndarray:
     if finite.all():  # the common case, at once instead of row by row
         return np.ones(len(rows), bool)
     return np.asarray(finite.reshape(len(rows), -1).all(axis=1))
-
-
-def check_callable(name: str, value: object) -> None:
-    """Raise TypeError unless it can be called: an instance, not a class."""
-    if isinstance(value, type) or not callable(value):
-        raise TypeError(f"{name} must be callable, an instance and not a class, got {shown(value)}")

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
+from auroraqd._checks import shown
+
 _MOST = 2**63  # of a whole number in a table
+_MOST_BYTES = 2**30  # of a file of text
 _Row = TypeVar("_Row", bound=tuple)
 
 
@@ -15,12 +18,15 @@ def as_path(name: str, value: Any) -> Path:
     """A path, of what the user gave as one.
 
     Raises:
-        TypeError: it is none.
+        TypeError, ValueError: it is none.
     """
     try:
-        return Path(value)
+        path = Path(value)
     except TypeError:
-        raise TypeError(f"{name} must be a path, got {value!r}") from None
+        raise TypeError(f"{name} must be a path, got {shown(value)}") from None
+    if "\0" in str(path):
+        raise ValueError(f"{name} must be a path, got {shown(value)}")
+    return path
 
 
 def told(error: OSError, what: str) -> OSError:
@@ -82,6 +88,21 @@ def _sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
+def text_of(path: Path) -> str:
+    """What a file of text holds.
+
+    Raises:
+        ValueError: it is damaged: no text, or more than anybody wrote.
+    """
+    size = path.stat().st_size
+    if size > _MOST_BYTES:  # it may have holes, which memory has not
+        raise ValueError(f"{path} is damaged: it has {size:,} bytes")
+    try:
+        return path.read_text()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+
+
 def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list[_Row]:
     """The records of a CSV file whose columns are the fields of a `NamedTuple`, of strings and numbers.
 
@@ -95,19 +116,26 @@ def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list
     """
     fields: dict[str, Any] = {name: of for name, of in kind.__annotations__.items() if name != rest}
     try:
-        with path.open(newline="") as file:
-            header, *rows = csv.reader(file)
+        header, *rows = csv.reader(text_of(path).splitlines())
         wanted = set(fields) - set(getattr(kind, "_field_defaults"))  # noqa: B009 - of a `NamedTuple`; earlier versions had fewer
         if not wanted <= set(header) or len(set(header)) < len(header) or (rest is None and len(header) > len(fields)):
             raise ValueError(f"the columns must be {', '.join(fields)}")
         return [_record(kind, fields, dict(zip(header, row, strict=True)), rest) for row in rows]
     except (ValueError, csv.Error) as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
+        text = f"{error}"
+        raise ValueError(text if text.startswith(f"{path} is damaged") else f"{path} is damaged: {text}") from None
 
 
 def _record(kind: type[_Row], fields: dict[str, Any], row: dict[str, str], rest: str | None) -> _Row:
-    values = {name: of(row.pop(name)) for name, of in fields.items() if name in row}
+    values = {name: _cell(name, of, row.pop(name)) for name, of in fields.items() if name in row}
     for name, value in values.items():
         if isinstance(value, int) and abs(value) > _MOST:
             raise ValueError(f"{name} is too large")
-    return kind(**values, **({} if rest is None else {rest: {name: float(value) for name, value in row.items()}}))
+    return kind(**values, **({} if rest is None else {rest: {name: _cell(name, float, value) for name, value in row.items()}}))
+
+
+def _cell(name: str, kind: Any, text: str) -> Any:
+    try:
+        return kind(text)
+    except ValueError:
+        raise ValueError(f"{name} must be a {'whole ' * (kind is int)}number, got {shown(text)}") from None

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,16 +18,25 @@ def cores() -> list[int]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """An environment in which the libraries of new processes keep to one thread."""
+    """An environment for processes to start in: their libraries keep to one thread, and they read this program again only if
+    it is in a file: of one on standard input, multiprocessing would look for a file "<stdin>".
+    """
     wanted = {
         **dict.fromkeys(_THREADS, "1"),
         "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false",
     }
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)
+    main = vars(sys.modules["__main__"])
+    file = main.get("__file__")
+    nowhere = file is not None and not os.path.exists(file)
+    if nowhere:
+        del main["__file__"]
     try:
         yield
     finally:
+        if nowhere:
+            main["__file__"] = file
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.update({name: value})
 

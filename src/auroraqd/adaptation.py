@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Matern
 
-from auroraqd._checks import number, numbers, whole
+from auroraqd._checks import number, numbers, shown, whole
 
 _MOST = 1e50  # of any number, so that neither squares nor shares of it overflow; and 1 / _MOST the least to divide by
 
@@ -73,12 +73,14 @@ class Adaptation:
         space, promise = numbers("space", space, " of shape (n, d)"), numbers("promise", promise)
         if space.ndim != 2 or space.size == 0:
             raise ValueError(f"space must have shape (n, d), with at least one skill, got {space.shape}")
+        if promise.ndim > 1 and promise.shape[1] == 0:
+            raise ValueError(f"promise must have entries, got shape {promise.shape}")
         if promise.ndim != (1 if goal is None else 2) or len(promise) != len(space):
             wanted = f"({len(space)},)" if goal is None else f"({len(space)}, m), for there is a goal"
             raise ValueError(f"promise must have shape {wanted}, got {promise.shape}")
         self._goal = None if goal is None else numbers("goal", goal)
         if self._goal is not None and (self._goal.shape != promise.shape[1:] or not np.isfinite(self._goal).all()):
-            raise ValueError(f"goal must be {promise.shape[1]} finite numbers, as an outcome, got {goal!r}")
+            raise ValueError(f"goal must be {promise.shape[1]} finite numbers, as an outcome, got {shown(goal)}")
         for name, values in (("space", space), ("promise", promise), ("goal", self._goal)):
             if values is not None and not (np.abs(values) <= _MOST).all():
                 worst = values[~(np.abs(values) <= _MOST)][0]
@@ -90,7 +92,7 @@ class Adaptation:
         self._scale = spread if scale is None else numbers("scale", scale)
         if self._scale.shape not in ((), spread.shape) or not ((self._scale >= 1 / _MOST) & (self._scale <= _MOST)).all():
             wanted = f"one positive number, or {len(spread)}, from {1 / _MOST:g} to {_MOST:g}"
-            raise ValueError(f"scale must be {wanted}, got {scale!r}")
+            raise ValueError(f"scale must be {wanted}, got {shown(scale)}")
         self._scale = np.broadcast_to(self._scale, spread.shape)
         kernel = Matern(number("length", length, least=1e-6, most=_MOST, wanted=f"from 1e-6 to {_MOST:g}"), "fixed", nu=2.5)
         wanted = f"from 1e-4, or copies have no inverse, to {_MOST:g}"
@@ -133,10 +135,10 @@ class Adaptation:
         try:
             told = numbers("outcome", outcome).reshape(-1)
         except ValueError:
-            raise ValueError(f"{wanted} {outcome!r}") from None
+            raise ValueError(f"{wanted} {shown(outcome)}") from None
         failed = bool(np.isnan(told).any())
         if (np.abs(told) > _MOST).any() or (len(told) != columns and not (failed and len(told) == 1)):
-            raise ValueError(f"{wanted} {outcome!r}")
+            raise ValueError(f"{wanted} {shown(outcome)}")
         self._tried[row] = True
         if not failed:
             self._rows.append(row)

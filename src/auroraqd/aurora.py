@@ -18,7 +18,19 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import check_callable, finite_rows, number, numbers, numeric, shown, whole, whole_numbers
+from auroraqd._checks import (
+    MOST_SEED,
+    finite_rows,
+    flag,
+    function,
+    instance,
+    number,
+    numbers,
+    numeric,
+    shown,
+    whole,
+    whole_numbers,
+)
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archives.base import INVALID, NEW, REJECTED, REPLACED, Archive, Info
 from auroraqd.archives.unstructured import UnstructuredArchive
@@ -40,6 +52,7 @@ SURVIVAL = 0.25
 """The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
 those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were kept."""
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
+_MOST = 10**8  # genes, and individuals of a batch
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
 _TICKETS = 40  # bits for those of one run
 
@@ -97,31 +110,31 @@ class Aurora:
         survival: float = SURVIVAL,
         robust: bool = True,
     ) -> None:
-        self.n_genes = whole("n_genes", n_genes)
-        self.batch_size = whole("batch_size", batch_size)
-        check_callable("schedule", schedule)
+        self.n_genes = whole("n_genes", n_genes, most=_MOST)
+        self.batch_size = whole("batch_size", batch_size, most=_MOST)
+        function("schedule", schedule)
         if resolution is not None:
-            check_callable("resolution", resolution)
-        if archive is not None and not isinstance(archive, Archive):
-            raise TypeError(f"archive must be an archive of auroraqd, got {archive!r}")
+            function("resolution", resolution)
+        if archive is not None:
+            instance("archive", archive, Archive, "an archive of auroraqd")
         self.archive = UnstructuredArchive() if archive is None else archive
         self._emitters = _emitters(emitter, selection, variation)
         self.resolution = _resolution_for(self.archive, resolution)
         self.schedule = schedule
         self.survival = number("survival", survival, most=1, wanted="a share, from 0 to 1")
-        if not isinstance(robust, bool):
-            raise TypeError(f"robust must be True or False, got {robust!r}")
-        self.robust = robust
+        self.robust = flag("robust", robust)
         self.generation = 0
         self.evaluations = 0
         self.history = History()
-        self.seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else whole("seed", seed, least=0)
+        self.seed = (
+            int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else whole("seed", seed, least=0, most=MOST_SEED)
+        )
         self._rng = np.random.default_rng(self.seed)
         self._descriptor = Descriptor.checked(descriptor, self._rng)
         self._refits = self._descriptor.learned and prior is None
         if prior is not None:
             if not self._descriptor.learned:
-                raise ValueError(f"prior is for descriptors that are learned, not for {descriptor!r}")
+                raise ValueError(f"prior is for descriptors that are learned, not for {shown(descriptor)}")
             self._descriptor = self._descriptor.refitted(
                 numeric("prior", prior, " of shape (n, ...)", rows=True, some=True, finite=True)
             )
@@ -195,7 +208,7 @@ class Aurora:
         if self._current is not None:
             raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
         return self._ask(
-            self.batch_size if genotypes is None else self._checked_genotypes(genotypes), alone=True
+            self.batch_size if genotypes is None else self._checked_genotypes("genotypes", genotypes), alone=True
         ).genotype.copy()
 
     def _ask(self, wanted: int | np.ndarray, *, alone: bool) -> Proposal:
@@ -400,9 +413,9 @@ class Aurora:
         """
         from auroraqd.running import Budget, run
 
-        check_callable("task", task)
+        function("task", task)
         budget = Budget(self, generations, evaluations, seconds, until_generation)
-        known = None if initial is None else self._checked_genotypes(initial)
+        known = None if initial is None else self._checked_genotypes("initial", initial)
         run(self, task, budget, known, callback, progress)
         return self
 
@@ -424,12 +437,12 @@ class Aurora:
         """Whether many generations have not given one valid individual."""
         return self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations
 
-    def _checked_genotypes(self, genotypes: ArrayLike) -> np.ndarray:
-        children = numbers("genotypes", genotypes, f" of shape (n, {self.n_genes})").copy()
+    def _checked_genotypes(self, name: str, genotypes: ArrayLike) -> np.ndarray:
+        children = numbers(name, genotypes, f" of shape (n, {self.n_genes})").copy()
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
-            raise ValueError(f"genotypes must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
+            raise ValueError(f"{name} must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
         if not ((children >= 0) & (children <= 1)).all():
-            raise ValueError("genotypes must be in [0, 1]")
+            raise ValueError(f"{name} must be in [0, 1]")
         return children
 
     def check_as_before(self, evaluation: Evaluation) -> None:
@@ -663,5 +676,5 @@ def _resolution_for(archive: Archive, resolution: Any) -> Any:
         return resolution
     if resolution not in (None, Automatic(), VAT(), VAT(robust=False)):
         has_none = f"{type(archive).__name__} has none"
-        raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {resolution!r}")
+        raise ValueError(f"resolution is for an archive with a distance threshold l, and {has_none}, got {shown(resolution)}")
     return None

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auroraqd._checks import one_of
+
 
 class Record(NamedTuple):
     """The state after a generation. Counts are totals since the start.
@@ -99,6 +101,5 @@ class History:
         Raises:
             ValueError: there is no such field.
         """
-        if name not in Record._fields:
-            raise ValueError(f"name must be one of {', '.join(Record._fields)}, got {name!r}")
+        one_of("name", name, Record._fields)
         return np.array([getattr(record, name) for record in self.records])

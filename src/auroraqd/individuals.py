@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd._checks import finite_rows, numbers, numeric, rows_of, whole_numbers
+from auroraqd._checks import finite_rows, instance, mapping, numbers, numeric, rows_of, whole_numbers
 
 
 class Kind(NamedTuple):
@@ -115,9 +115,7 @@ def measured(given: Mapping[str, Any]) -> Columns:
         if values is None and kind.unknown is not None:
             columns[name] = np.full(len(columns["genotype"]), kind.unknown)
         elif kind.dtype is np.int64:
-            columns[name] = whole_numbers(name, values)
-            if columns[name].ndim != 1:
-                raise ValueError(f"{name} must have shape (n,), got {columns[name].shape}")
+            columns[name] = whole_numbers(name, values, axes=1)
         elif values is not None:
             columns[name] = (numeric if kind.dtype is None else numbers)(name, values, axes=kind.axes, rows=True)
     n = len(columns["genotype"])
@@ -135,11 +133,13 @@ def stored(arrays: Mapping[str, np.ndarray]) -> Columns:
     Raises:
         ValueError: they cannot be.
     """
+    arrays = mapping("columns", arrays)
     missing = [name for name, kind in KNOWN.items() if kind.always and kind.unknown is None and name not in arrays]
     if missing:
         raise ValueError(f"stored individuals must have {', '.join(missing)}")
-    n = len(arrays["genotype"]) if arrays["genotype"].ndim else 0
+    n = len(arrays["genotype"]) if np.ndim(arrays["genotype"]) else 0
     for name, array in arrays.items():
+        instance(name, array, np.ndarray, "an array")
         kind = KNOWN.get(name, Kind(None, None, finite=False))
         if array.dtype.kind not in "biuf" or array.dtype.itemsize > 8 or kind.dtype not in (None, array.dtype):
             wanted = "numbers" if kind.dtype is None else np.dtype(kind.dtype)

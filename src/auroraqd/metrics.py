@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from auroraqd._checks import number, numbers, whole
+from auroraqd._checks import flag, number, numbers, whole
 
 _EMPTY = 1e-8  # what the probability of an empty bin of the compared repertoire counts as
 _MOST_BINS = 10**8
@@ -34,7 +34,7 @@ def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30, *, marginal
     d = reference.shape[1]
     if d != compared.shape[1]:
         raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
-    if marginal:
+    if flag("marginal", marginal):
         return sum(_divergence(reference[:, i : i + 1], compared[:, i : i + 1], bins) for i in range(d))
     if bins**d > _MOST_BINS:
         raise ValueError(

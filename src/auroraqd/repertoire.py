@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
@@ -10,7 +9,19 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import in_short, numbers, whole
+from auroraqd._checks import (
+    MOST_SEED,
+    flag,
+    function,
+    in_short,
+    instance,
+    mapping,
+    numbers,
+    numeric,
+    one_of,
+    whole,
+    whole_numbers,
+)
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
@@ -21,6 +32,9 @@ from auroraqd.tasks.noise import other_seeds, seeds_at
 
 if TYPE_CHECKING:
     import pandas
+
+
+_MOST_TIMES = 10**6  # that a skill is evaluated again
 
 
 class Reached(NamedTuple):
@@ -94,6 +108,7 @@ class Repertoire(Individuals):
     """
 
     def __init__(self, columns: Mapping[str, np.ndarray], origin: Origin):
+        columns = {name: numeric(f"column {name}", column, rows=True) for name, column in mapping("columns", columns).items()}
         self._origin = origin
         self._take(dict(stored(columns)))
 
@@ -226,13 +241,15 @@ class Repertoire(Individuals):
             TaskError: the task raised, or returned something else than promised.
             TypeError: the task cannot be called.
         """
-        if isinstance(task, type) or not callable(task):
-            raise TypeError(f"task must be callable, an instance and not a class, got {task!r}")
+        function("task", task)
+        one_of("seeds", seeds, ("new", "found"))
         self._check_any("evaluate")
         chosen = np.arange(len(self)) if rows is None else self._rows(rows)
         genotype, stored = self.genotype[chosen], self.observation[chosen]
         found = []
-        again = self._seeds(seeds, whole("seed", seed, least=0), whole("times", times), chosen)
+        again = self._seeds(
+            seeds, whole("seed", seed, least=0, most=MOST_SEED), whole("times", times, most=_MOST_TIMES), chosen
+        )
         for theirs in again:  # copies, for the task may change what it is given, and use again what it returns
             evaluation = evaluated(task, genotype.copy(), theirs.copy(), "with skills of the repertoire")
             found.append(Evaluation(*(None if column is None else np.array(column) for column in evaluation)))
@@ -250,8 +267,6 @@ class Repertoire(Individuals):
         """Seeds to evaluate rows with, (times, n) uint64."""
         if which == "new":
             return other_seeds(seed, times * len(rows)).reshape(times, len(rows))
-        if which != "found":
-            raise ValueError(f"seeds must be 'new' or 'found', got {which!r}")
         unknown = np.count_nonzero(self.born[rows] < 0)
         if unknown:
             raise ValueError(
@@ -272,8 +287,8 @@ class Repertoire(Individuals):
             TypeError: genes are something else.
             ValueError: pandas is not installed, or genes are of another number, or called like another column.
         """
-        if genes is not None and not isinstance(genes, Genes):
-            raise TypeError(f"genes must be auroraqd.tasks.Genes, or None, got {genes!r}")
+        instance("genes", genes, Genes | None, "auroraqd.tasks.Genes, or None")
+        flag("observation", observation)
         try:
             import pandas
         except ImportError:
@@ -310,12 +325,9 @@ class Repertoire(Individuals):
 
     def _rows(self, rows: ArrayLike) -> np.ndarray:
         """Rows that there are, (n,), of which there must be one."""
-        try:
-            chosen = np.atleast_1d(np.asarray(rows))
-        except ValueError:
-            chosen = np.empty((0, 0))
-        if chosen.ndim != 1 or chosen.size == 0 or chosen.dtype.kind not in "iu":
-            raise ValueError(f"rows must be whole numbers of shape (n,), at least one, got {reprlib.repr(rows)}")
+        chosen = np.atleast_1d(whole_numbers("rows", rows, some=True))
+        if chosen.ndim != 1:
+            raise ValueError(f"rows must have shape (n,), got {chosen.shape}")
         wrong = chosen[(chosen < -len(self)) | (chosen >= len(self))]
         if len(wrong):
             raise IndexError(f"rows must be of the repertoire, 0 to {len(self) - 1}, got {wrong[0]}")

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, numbers, numeric, shown, whole, whole_numbers
+from auroraqd._checks import finite_rows, mapping, numbers, numeric, shown, whole, whole_numbers
 from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archives.population import Population, Rows
@@ -156,7 +156,7 @@ class Archive(Individuals, ABC):
         Raises:
             ValueError: no archive can have had them; this one is unchanged.
         """
-        next_id = whole("next_id", state.get("next_id"), least=0, most=_MOST_ID)
+        next_id = whole("next_id", mapping("state", state).get("next_id"), least=0, most=_MOST_ID)
         held = stored(columns)
         ids, where = held["id"], Rows()
         if held.rows and not (ids.min() >= 0 and ids.max() < next_id):

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._caches import cache_folder
-from auroraqd._checks import numbers, shown, whole
+from auroraqd._checks import MOST_SEED, flag, numbers, shown, whole
 from auroraqd._files import replacing
 from auroraqd.archives.grid import CellArchive
 
@@ -28,6 +28,7 @@ _GROUP = 64  # centroids whose smallest score is kept; divides _BLOCK
 _ROWS = 1024  # descriptors at a time
 _FAR = 1e4  # times as far from the middle as any centroid
 _CACHE_VERSION = 1
+_MOST_STEPS = 10**6
 
 
 class Tessellation(NamedTuple):
@@ -66,10 +67,14 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
         ValueError: wrong shape, a NaN or an infinity, or fewer samples than cells.
     """
     samples = _points("samples", samples)
-    cells, steps, seed = whole("cells", cells), whole("steps", steps), whole("seed", seed, least=0)
+    cells, steps, seed = (
+        whole("cells", cells),
+        whole("steps", steps, most=_MOST_STEPS),
+        whole("seed", seed, least=0, most=MOST_SEED),
+    )
     if len(samples) < cells:
         raise ValueError(f"samples must be at least as many as cells, {shown(cells)}, got {len(samples)}")
-    path = _cache_path(samples, cells, steps, seed) if cache else None
+    path = _cache_path(samples, cells, steps, seed) if flag("cache", cache) else None
     found = None if path is None else _read(path)
     if found is not None and found.centroids.shape[1] == samples.shape[1] and len(found.centroids) <= cells:
         return found

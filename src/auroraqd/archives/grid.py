@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import numbers, shown, whole
+from auroraqd._checks import numbers, shown, wholes
 from auroraqd.archives.base import NEW, REPLACED, Archive, Placement
 from auroraqd.individuals import Columns
 
@@ -117,9 +117,10 @@ class GridArchive(CellArchive):
 
     def __init__(self, cells: Sequence[int], *, low: ArrayLike = -1.0, high: ArrayLike = 1.0) -> None:
         super().__init__()
-        if not isinstance(cells, Sequence | np.ndarray) or len(cells) == 0:
+        # A place in the box is a float.
+        self._shape = wholes("cells", cells, "numbers of cells, one for each dimension", most=2**53)
+        if not self._shape:
             raise ValueError(f"cells must be numbers of cells, one for each dimension, got {shown(cells)}")
-        self._shape = tuple(whole("cells", number, most=2**53) for number in cells)  # a place in the box is a float
         if self.n_cells > np.iinfo(np.int64).max:
             raise ValueError(f"cells must make fewer than 2^63 in all, got {shown(cells)}")
         try:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import number, shown, whole
+from auroraqd._checks import mapping, number, one_of, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archives import _neighbours
 from auroraqd.archives.base import Archive, Placement
@@ -51,11 +51,9 @@ class UnstructuredArchive(Archive):
         capacity: int | None = None,
     ) -> None:
         super().__init__()
-        if not isinstance(competition, str) or competition not in ("dominance", "elitist"):
-            raise ValueError(f"competition must be 'dominance' or 'elitist', got {shown(competition)}")
         self._k = whole("k", k, most=10**6)
         self._epsilon = number("epsilon", epsilon, most=np.nextafter(1, 0), wanted="0 or more and below 1")
-        self._competition = competition
+        self._competition = one_of("competition", competition, ("dominance", "elitist"))
         self._capacity = None if capacity is None else whole("capacity", capacity, most=_MOST_ROWS)
         self._l = number("l", l)
         self._scratch = _neighbours.scratch(self._k)
@@ -113,7 +111,7 @@ class UnstructuredArchive(Archive):
 
     @l.setter
     def l(self, value: float) -> None:
-        self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=value)
+        self.redescribe(self.descriptor.copy(), reconstruction_error=self.reconstruction_error, l=number("l", value))
 
     def adjust(self, l: float) -> None:
         """Set the distance threshold for those to come. What is stored stays, at any distance."""
@@ -162,7 +160,7 @@ class UnstructuredArchive(Archive):
     def restore(self, columns: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
         """As `Archive.restore`."""
         with self._lock, uninterrupted():
-            l = number("l", state.get("l"))
+            l = number("l", mapping("state", state).get("l"))
             super().restore(columns, state)
             self._l = l
 

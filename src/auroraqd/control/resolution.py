@@ -14,7 +14,7 @@ from math import exp, lgamma, log, pi
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from auroraqd._checks import number, whole
+from auroraqd._checks import flag, number, numbers, whole
 from auroraqd._compiled import compiled
 from auroraqd.descriptors.scaling import beyond
 
@@ -44,11 +44,12 @@ class VAT:
 
     def __post_init__(self) -> None:
         number("cells", self.cells, least=1e-300, wanted="above 0")
-        if not isinstance(self.robust, bool):
-            raise ValueError(f"robust must be True or False, got {self.robust!r}")
+        flag("robust", self.robust)
 
+    @np.errstate(over="ignore", invalid="ignore")  # at the ends of float64 it is infinite
     def __call__(self, descriptors: np.ndarray) -> float:
         """L over `descriptors`, (n, d), n >= 1, turned into l."""
+        descriptors = _points(descriptors)
         d = descriptors.shape[1]
         descriptors = without_far(descriptors) if self.robust else descriptors
         unit_ball = d / 2 * log(pi) - lgamma(d / 2 + 1)  # the logarithm of its volume
@@ -95,9 +96,10 @@ class Size:
     def __post_init__(self) -> None:
         whole("individuals", self.individuals)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def __call__(self, descriptors: np.ndarray) -> float:
         """l from `descriptors`, (n, d), n >= 1; 0 if they are all the same."""
-        points = without_far(descriptors)
+        points = without_far(_points(descriptors))
         if len(points) > _SAMPLE:
             points = points[np.random.default_rng(0).choice(len(points), _SAMPLE, replace=False)]
         taken = max(len(points) // 4, 2)  # of two there is one distance
@@ -129,7 +131,12 @@ class Automatic:
 
     def __call__(self, descriptors: np.ndarray) -> float:
         """l from `descriptors`, (n, d), n >= 1."""
+        descriptors = _points(descriptors)
         return (VAT(self.cells) if descriptors.shape[1] <= 2 else Size(self.individuals))(descriptors)
+
+
+def _points(descriptors: np.ndarray) -> np.ndarray:
+    return numbers("descriptors", descriptors, " of shape (n, d)", axes=2, some=True, finite=True)
 
 
 def without_far(descriptors: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ class Doubling:
 
     def __call__(self, generation: int) -> bool:
         """Whether to update before this generation is added."""
-        gaps, remainder = divmod(generation, self.first)
+        gaps, remainder = divmod(whole("generation", generation, least=0), self.first)
         return remainder == 0 and (gaps + 1) & gaps == 0  # 0, 1, 3, 7, ...: one less than a power of two
 
 
@@ -43,7 +43,7 @@ class Every:
 
     def __call__(self, generation: int) -> bool:
         """Whether to update before this generation is added."""
-        return generation % self.generations == 0
+        return whole("generation", generation, least=0) % self.generations == 0
 
 
 @dataclass(frozen=True)

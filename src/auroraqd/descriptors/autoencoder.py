@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
-from auroraqd._checks import number, numbers, numeric, rows_of, whole
+from auroraqd._checks import MOST_SEED, flag, number, numbers, numeric, one_of, rows_of, whole, wholes
 from auroraqd._interrupts import uninterrupted
 from auroraqd.descriptors.scaling import Scaler, Scaling
 
@@ -36,6 +36,7 @@ _listener: ContextVar[Callable[[Progress], Any] | None] = ContextVar("listener",
 _VERBOSE_GAP = 5.0  # s
 _OBSERVATIONS = " of shape (n, ...)"
 _EXPLAINED = 0.05  # share of the variance of the observations below which nothing has been learned
+_MOST_WIDTH = 10**6  # of a layer
 _ROWS = 256  # at a time, to be reconstructed
 
 
@@ -193,7 +194,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         architecture = self._architecture(shape)
         goes_on = self.warm_start and getattr(self, "architecture_", None) == architecture
         fits = self.n_fits_ if goes_on else 0
-        seed = None if self.random_state is None else [whole("random_state", self.random_state, least=0), fits]
+        seed = None if self.random_state is None else [self.random_state, fits]
         rng = np.random.default_rng(seed)
         start = networks.filled(self.weights_, **architecture) if goes_on else networks.random(**architecture, rng=rng)
         scaling = Scaling.of(x)
@@ -264,10 +265,13 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
     def _protocol(self) -> Protocol:
         from auroraqd.descriptors.training import Protocol
 
-        whole("n_components", self.n_components)
-        for name, choices in (("optimizer", ("adam", "adagrad")), ("decay", ("cosine", "none"))):
-            if getattr(self, name) not in choices:
-                raise ValueError(f"{name} must be one of {', '.join(choices)}, got {getattr(self, name)!r}")
+        whole("n_components", self.n_components, most=_MOST_WIDTH)
+        one_of("optimizer", self.optimizer, ("adam", "adagrad"))
+        one_of("decay", self.decay, ("cosine", "none"))
+        flag("warm_start", self.warm_start)
+        flag("verbose", self.verbose)
+        if self.random_state is not None:
+            whole("random_state", self.random_state, least=0, most=MOST_SEED)
         return Protocol(
             optimizer=self.optimizer,
             learning_rate=number("learning_rate", self.learning_rate),
@@ -286,12 +290,10 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
 
     def _architecture(self, shape: tuple[int, ...]) -> dict[str, Any]:
         """What the network is made of; kept as it was fitted, whatever becomes of the parameters."""
-        if self.network == "mlp" and (isinstance(self.hidden, str) or not isinstance(self.hidden, Sequence | np.ndarray)):
-            raise ValueError(f"hidden must be widths of layers like (128, 64), got {self.hidden!r}")
-        if self.network not in ("mlp", "convolutional"):
-            raise ValueError(f"network must be one of mlp, convolutional, got {self.network!r}")
-        hidden = [whole("hidden", width) for width in self.hidden] if self.network == "mlp" else []
-        return {"kind": self.network, "shape": list(shape), "n_components": int(self.n_components), "hidden": hidden}
+        one_of("network", self.network, ("mlp", "convolutional"))
+        wanted = "widths of layers like (128, 64)"
+        hidden = wholes("hidden", self.hidden, wanted, most=_MOST_WIDTH) if self.network == "mlp" else ()
+        return {"kind": self.network, "shape": list(shape), "n_components": int(self.n_components), "hidden": list(hidden)}
 
     def _in_use(self) -> tuple[Scaler, AutoEncoderNetwork]:
         """The fitted network in float64: then a copy described in a batch of another size differs in its last bits only,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from auroraqd._checks import check_callable
+from auroraqd._checks import function
 from auroraqd.archives.base import Archive
 from auroraqd.emitters.selection import Curiosity
 from auroraqd.emitters.variation import Polynomial
@@ -27,7 +27,7 @@ class Genetic:
 
     def __post_init__(self) -> None:
         for name in ("selection", "variation"):
-            check_callable(name, getattr(self, name))
+            function(name, getattr(self, name))
 
     def ask(self, archive: Archive, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Children and their parents; of a group of parents, the first.

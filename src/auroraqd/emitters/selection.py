@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auroraqd._checks import instance, whole
 from auroraqd._compiled import compiled
 from auroraqd.archives.base import Archive
 
@@ -18,6 +19,7 @@ class Uniform:
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
         """See the module docstring."""
+        _check(archive, n, rng)
         return rng.integers(len(archive), size=n)
 
 
@@ -32,12 +34,22 @@ class Curiosity:
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
         """See the module docstring."""
+        _check(archive, n, rng)
         rows = np.empty(n, np.int64)
         if _roulette(archive.curiosity, rng.random(n), rows):
             return rows
         return rng.integers(len(archive), size=n)
 
 
+def _check(archive: Archive, n: int, rng: np.random.Generator) -> None:
+    instance("archive", archive, Archive, "an archive of auroraqd")
+    instance("rng", rng, np.random.Generator, "a generator of numpy.random")
+    whole("n", n, most=_MOST)
+    if len(archive) == 0:
+        raise ValueError("archive must hold individuals to select from, and is empty")
+
+
+_MOST = 10**9  # rows at once
 _BLOCK = 16
 
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from auroraqd._checks import number
+from auroraqd._checks import flag, instance, number, numbers
 from auroraqd._compiled import compiled
 
 
@@ -32,9 +32,11 @@ class Polynomial:
     def __post_init__(self) -> None:
         number("rate", self.rate, most=1, wanted="a probability, from 0 to 1")
         number("eta", self.eta)
+        flag("at_least_one", self.at_least_one)
 
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, n_genes) parents to (n, n_genes) children."""
+        parents = _genes(parents, rng)
         mutated = _mutated(parents.shape, self.rate, self.at_least_one, rng)
         children = parents.copy()
         _step(children, mutated, rng.random(np.count_nonzero(mutated)), 1 / (self.eta + 1))
@@ -58,9 +60,11 @@ class Gaussian:
     def __post_init__(self) -> None:
         number("rate", self.rate, most=1, wanted="a probability, from 0 to 1")
         number("sigma", self.sigma, least=1e-300, wanted="above 0")
+        flag("at_least_one", self.at_least_one)
 
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, n_genes) parents to (n, n_genes) children."""
+        parents = _genes(parents, rng)
         mutated = _mutated(parents.shape, self.rate, self.at_least_one, rng)
         return _clipped(parents + mutated * rng.normal(0, self.sigma, parents.shape))
 
@@ -87,10 +91,21 @@ class IsoLine:
 
     def __call__(self, parents: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n, 2, n_genes) pairs of parents to (n, n_genes) children."""
+        parents = _genes(parents, rng, axes=3)
         first, second = parents[:, 0], parents[:, 1]
         children = first + rng.normal(0, self.iso_sigma, first.shape)
         children += rng.normal(0, self.line_sigma, (len(first), 1)) * (second - first)
         return _clipped(children)
+
+
+def _genes(parents: np.ndarray, rng: np.random.Generator, axes: int = 2) -> np.ndarray:
+    """Parents as they must be."""
+    instance("rng", rng, np.random.Generator, "a generator of numpy.random")
+    wanted = " of shape (n, n_genes)" if axes == 2 else " of shape (n, 2, n_genes)"
+    array = numbers("parents", parents, wanted, axes=axes)
+    if axes == 3 and array.shape[1] != 2:
+        raise ValueError(f"parents must have shape (n, 2, n_genes), got {array.shape}")
+    return array
 
 
 def _clipped(children: np.ndarray) -> np.ndarray:

@@ -21,11 +21,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd._checks import whole
+from auroraqd._checks import shown, whole
 from auroraqd._workers import cores, one_thread, settle
 from auroraqd.evaluate._trust import Worker, this_worker
 from auroraqd.tasks import Evaluation, as_evaluation, called
 
+_MOST = 10_000  # workers on one machine
 START = 120.0  # s, that workers may take to start
 _RESTART = 30.0  # s, that a cluster may take to start workers again
 _CONNECT = 10.0  # s, for a scheduler to answer
@@ -38,7 +39,7 @@ def processes(workers: int | None = None) -> Callable[[], Executor]:
     Args:
         workers: how many; by default one for each core that this process may use.
     """
-    workers = len(cores()) if workers is None else whole("workers", workers)
+    workers = len(cores()) if workers is None else whole("workers", workers, most=_MOST)
     return partial(_ProcessPool, workers)
 
 
@@ -63,9 +64,9 @@ def dask(client: Any) -> Callable[[], Executor]:
             resolve_address(address)
             client = Client(address, timeout=_CONNECT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
-            raise ValueError(f"there is no Dask scheduler at {address}: {error}") from None
+            raise ValueError(f"client: there is no Dask scheduler at {shown(address)}: {error}") from None
     if not isinstance(client, Client):
-        raise TypeError(f"client must be a distributed.Client, or the address of a scheduler, got {client!r}")
+        raise TypeError(f"client must be a distributed.Client, or the address of a scheduler, got {shown(client)}")
     return partial(_DaskExecutor, client)
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import cloudpickle
 import numpy as np
 
-from auroraqd._checks import number, numeric, seeds_for, whole
+from auroraqd._checks import function, number, numeric, seeds_for, shown, whole
 from auroraqd._workers import cores
 from auroraqd.evaluate._trust import Trust, Worker
 from auroraqd.evaluate.executors import START, Answer, work_on
@@ -58,10 +58,9 @@ def over(
     """
     if isinstance(executor, Executor) or not callable(executor):
         raise TypeError(
-            f"executor must be a function that makes an executor, so that a broken one is replaced, got {executor!r}"
+            f"executor must be a function that makes an executor, so that a broken one is replaced, got {shown(executor)}"
         )
-    if not callable(task):
-        raise TypeError(f"task must be callable, got {task!r}")
+    function("task", task)
     try:
         content = cloudpickle.dumps(task)
     except Exception as error:
@@ -173,7 +172,7 @@ class Spread:
         if self._executor is None:
             self._executor = self._factory()
             if not isinstance(self._executor, Executor):
-                raise TypeError(f"executor must make a concurrent.futures executor, got {self._executor!r}")
+                raise TypeError(f"executor must make a concurrent.futures executor, got {shown(self._executor)}")
             if hasattr(self._executor, "prepare"):  # so that what it takes to start is not taken for a slow evaluation
                 for worker in self._executor.prepare(self._content, self.__name__):  # pyright: ignore[reportAttributeAccessIssue]
                     self._trust.met(worker)

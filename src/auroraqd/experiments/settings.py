@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import number, whole
+from auroraqd._checks import MOST_SEED, number, whole
 from auroraqd.archives.base import Archive
 from auroraqd.archives.cvt import CVTArchive, tessellate
 from auroraqd.archives.grid import GridArchive
@@ -177,7 +177,7 @@ class Settings:
             raise ValueError(f"robust must be true or false, got {self.robust!r}")
         for name in ("components", "generations", "batch_size"):
             whole(name, getattr(self, name))
-        whole("seed", self.seed, least=0)
+        whole("seed", self.seed, least=0, most=MOST_SEED)
         if self.pretrained and kind in (HAND_CODED, GENOTYPE):
             raise ValueError(f"pretrained is for descriptors that are learned, not for {kind!r}")
         if self.pretrained and self._own is None and not hasattr(TASKS[self.task_kind], "prior"):

@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from auroraqd._checks import instance
 from auroraqd._files import folder_at, replacing
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Diversity
@@ -30,6 +31,8 @@ _FORMS = {"size": "{:,.0f}", "rmse": "{:.4f}", "rmse_metres": "{:#.3g}", "second
 
 def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
     """Write tables and figures beside the results; returns the files."""
+    instance("ledger", ledger, Ledger, "a ledger of an experiment")
+    instance("experiment", experiment, Experiment, "an experiment")
     figures = folder_at(ledger.folder / folders.FIGURES)
     written = []
     for name, text in ((SUMMARY_CSV, summary_csv(ledger, experiment)), (SUMMARY_MD, summary_markdown(ledger, experiment))):

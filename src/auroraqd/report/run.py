@@ -15,6 +15,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from auroraqd._checks import instance
 from auroraqd._files import folder_at
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
@@ -118,6 +119,8 @@ def history_figure(records: Sequence[Record]) -> Figure:
         "rmse": "reconstruction RMSE, [-1, 1] scale",
         "mean_fitness": "mean fitness",
     }
+    for record in instance("records", records, Sequence, "records of a history"):
+        instance("records", record, Record, "records of a history")
     generation = np.array([record.generation for record in records])
     columns = {name: np.array([getattr(record, name) for record in records], float) for name in labels}
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
@@ -136,6 +139,7 @@ def history_figure(records: Sequence[Record]) -> Figure:
 
 
 def _check_any(repertoire: Repertoire) -> None:
+    instance("repertoire", repertoire, Repertoire, "an auroraqd.Repertoire")
     if len(repertoire) == 0:
         raise ValueError("the repertoire is empty, nothing was stored in its run: there is nothing to draw")
 

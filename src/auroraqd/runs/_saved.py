@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import number, shown, whole
+from auroraqd._checks import MOST_SEED, number, shown, whole
 from auroraqd.history import Record
 
 _MOST = 2**53  # of what is counted: beyond it, floats leave numbers out
@@ -205,7 +205,7 @@ _VALUES: dict[str, Callable[[str, Any], Any]] = {
     "batch_size": partial(whole, most=_MOST),
     "generation": _count,
     "evaluations": _count,
-    "seed": partial(whole, least=0),
+    "seed": partial(whole, least=0, most=MOST_SEED),
     "_refits": _true_or_false,
     "_update_due": _true_or_false,
     "_counts": _counts,

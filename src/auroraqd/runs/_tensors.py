@@ -16,6 +16,7 @@ from auroraqd._files import replacing
 
 _CHECKSUM = "checksum"
 _DIGEST = 32  # bytes
+_MOST_HEADER = 10**8  # bytes, as safetensors has it
 
 
 def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str) -> None:
@@ -45,8 +46,9 @@ def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:
         ValueError: it is damaged, or of another format.
         OSError: it cannot be read.
     """
-    content = bytearray(path.read_bytes())
     try:
+        _check_size(path)
+        content = bytearray(path.read_bytes())
         header = _header(content)
         metadata = header.get("__metadata__", {})
         if form not in metadata:
@@ -75,6 +77,19 @@ def _header(content: bytearray) -> dict:
     if len(content) < 8 + length:
         raise ValueError("it is cut off")
     return json.loads(content[8 : 8 + length])
+
+
+def _check_size(path: Path) -> None:
+    """Raise ValueError unless a file is as large as it says, before memory is asked for: it may have holes."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+        if size < 8 + length or length > _MOST_HEADER:
+            raise ValueError("it is cut off")
+        parts = json.loads(file.read(length))
+    ends = [part["data_offsets"][1] for name, part in parts.items() if name != "__metadata__"]
+    if 8 + length + max(ends, default=0) != size:
+        raise ValueError(f"it has {size:,} bytes, and not {8 + length + max(ends, default=0):,}")
 
 
 def _place(content: bytearray, header: dict) -> slice:

@@ -11,7 +11,7 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from auroraqd._checks import number
+from auroraqd._checks import flag, function, number
 from auroraqd._files import as_path, folder_at, told
 from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
@@ -64,9 +64,10 @@ class Checkpoints:
         self.aurora = aurora
         self.folder = as_path("folder", folder).absolute()  # a task may change the current folder
         self._every = number("every", every)
+        folders.check_config(config)
         self._config = config
-        self._overwrite = overwrite
-        self._report = report
+        self._overwrite = flag("overwrite", overwrite)
+        self._report = function("report", report)
         self._lock = FileLock(self.folder / LOCK, timeout=0)
         self._keep = False  # whether the checkpoint in the folder is of this run
         self._first = False  # whether there was nothing in the folder

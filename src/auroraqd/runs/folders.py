@@ -15,9 +15,9 @@ import json
 import math
 import os
 import platform
-import reprlib
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -27,8 +27,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from auroraqd._checks import shown
-from auroraqd._files import as_path, folder_at, read_table, replacing
+from auroraqd._checks import flag, function, instance, mapping, shown
+from auroraqd._files import as_path, folder_at, read_table, replacing, text_of
+from auroraqd.archives.base import Archive
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
 from auroraqd.descriptors.scaling import Scaling
@@ -67,6 +68,7 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     """
     folder = as_path("folder", folder)
     check_run(aurora)
+    check_config(config)
     write(aurora, folder, config)
     (folder / PREVIOUS).unlink(missing_ok=True)  # it may be of another run
     return folder
@@ -74,15 +76,24 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
 
 def check_run(aurora: Any) -> None:
     """Raise TypeError unless it is a run: a repertoire alone cannot go on."""
-    if not isinstance(aurora, Aurora):
-        raise TypeError(f"aurora must be a run, an auroraqd.Aurora, got {reprlib.repr(aurora)}")
+    instance("aurora", aurora, Aurora, "a run, an auroraqd.Aurora")
+
+
+def check_config(config: Any) -> None:
+    """Raise TypeError or ValueError unless it can be kept as settings: before anything is written."""
+    if config is None:
+        return
+    try:
+        json.dumps(dict(mapping("config", config)))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise TypeError(f"config must be a dictionary of JSON values, got {shown(config)}: {error}") from None
 
 
 def _checked_trust(trusted: Any) -> list[str]:
-    names = [trusted] if not isinstance(trusted, Iterable) else list(trusted)
-    if isinstance(trusted, str) or not all(isinstance(name, str) for name in names):
-        raise TypeError(f'trusted must be names of types, like ["mymodule.MyEncoder"], got {trusted!r}')
-    return names
+    several = isinstance(trusted, Sequence | AbstractSet) and not isinstance(trusted, str)
+    if not several or not all(isinstance(name, str) for name in trusted):
+        raise TypeError(f'trusted must be names of types, like ["mymodule.MyEncoder"], got {shown(trusted)}')
+    return list(trusted)
 
 
 def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, keep: bool = False) -> None:
@@ -187,9 +198,10 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
             f"resume takes a selection, variation, emitter, resolution, schedule or archive, not {', '.join(sorted(unknown))}"
         )
     for name in set(parts) - {"archive", "emitter"}:
-        if not (callable(parts[name]) and not isinstance(parts[name], type)) and (name, parts[name]) != ("resolution", None):
-            raise TypeError(f"{name} must be callable, an instance and not a class, got {parts[name]!r}")
-    trusted = _checked_trust(trusted)
+        if name != "resolution" or parts[name] is not None:
+            function(name, parts[name])
+    instance("archive", parts.get("archive"), Archive | None, "an empty archive of auroraqd")
+    trusted, any_environment = _checked_trust(trusted), flag("any_environment", any_environment)
     _existing(folder)
     path, config = Path(folder), {}
     if (path / REPERTOIRE).is_file() or (path / PREVIOUS).is_file():
@@ -245,9 +257,10 @@ def load_config(folder: str | os.PathLike) -> dict[str, Any]:
     """
     path = _existing(folder, CONFIG)
     try:
-        config = json.loads(path.read_text())
+        config = json.loads(text_of(path))
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
+        text = f"{error}"
+        raise ValueError(text if text.startswith(f"{path} is damaged") else f"{path} is damaged: {text}") from None
     if not isinstance(config, dict):
         raise ValueError(f"{path} must hold a JSON object")
     return config
@@ -303,7 +316,7 @@ def _last(folder: str | os.PathLike, made: Callable[..., _Made], trouble: str = 
         try:
             return made(arrays, kind)
         except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-            raise ValueError(f"{path} does not hold what a run needs: {error!r}") from error
+            raise ValueError(f"{path} does not hold what a run needs: {shown(error)}") from error
         except ValueError as error:
             raise ValueError(f"{path} {trouble}: {error}") from error
 
@@ -328,7 +341,7 @@ def _values(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     try:
         values = json.loads(arrays[_STATE].tobytes())
     except (KeyError, ValueError, RecursionError) as error:
-        raise ValueError(f"its state cannot be read: {error!r}") from None
+        raise ValueError(f"its state cannot be read: {shown(error)}") from None
     check_values(values)
     return values
 

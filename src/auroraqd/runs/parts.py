@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from auroraqd._checks import shown
 from auroraqd.archives import cvt, grid, unstructured
 from auroraqd.archives.base import Archive
 from auroraqd.control import resolution, schedule
@@ -62,7 +63,7 @@ def made(name: str, value: Any, trusted: Sequence[str]) -> Any:
     options = dict(value) if isinstance(value, Mapping) else {"type": value}
     kind = _kind(name, options.pop("type", None), trusted)
     if not isinstance(value, Mapping) or not is_dataclass(kind):
-        raise ValueError(f"{name} was {value!r}, which is not of auroraqd: give it again, resume(..., {name}=...)")
+        raise ValueError(f"{name} was {shown(value)}, which is not of auroraqd: give it again, resume(..., {name}=...)")
     for part in set(options) & set(_HOMES):
         options[part] = made(part, options[part], trusted)
     return kind(**options)  # pyright: ignore[reportCallIssue] - a type
@@ -78,7 +79,7 @@ def archive_made(value: Mapping[str, Any], constants: Mapping[str, np.ndarray], 
     named = settings.pop("type")
     if given is not None:
         if named not in (_called(type(given)), type(given).__name__) or len(given):
-            raise ValueError(f"archive must be an empty {named}, as before, got {given!r}")
+            raise ValueError(f"archive must be an empty {named}, as before, got {shown(given)}")
         return given
     kind = _kind("archive", named, trusted)
     if not (isinstance(kind, type) and issubclass(kind, Archive)):

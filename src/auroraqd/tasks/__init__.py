@@ -6,6 +6,7 @@ an infinity in fitness or observation is an invalid individual: that is how a ta
 `seeded` that is true is given a seed for each individual as well: see `auroraqd.tasks.noise`.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -104,10 +105,10 @@ def checked(evaluation: Evaluation, n: int) -> Evaluation:
         raise ValueError(
             f"observation must have shape (n, ...), got {observation.shape}: of one number each, write observation[:, None]"
         )
-    if observation[0].size == 0:
+    if math.prod(observation.shape[1:]) == 0:
         raise ValueError(f"observation must have entries, got shape {observation.shape}")
     truth = None if evaluation.ground_truth is None else _rows("ground_truth", evaluation.ground_truth, n)
-    if truth is not None and truth[0].size == 0:
+    if truth is not None and math.prod(truth.shape[1:]) == 0:
         raise ValueError(f"ground_truth must have entries, got shape {truth.shape}")
     return Evaluation(fitness.astype(np.float64), observation, truth)
 

@@ -14,7 +14,9 @@ from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 
-from auroraqd._checks import number, numbers, whole
+from auroraqd._checks import number, numbers, shown, whole, wholes
+
+_MOST = 10**6  # knots of an actuator, and neurons of a layer
 
 
 class OpenLoop(Protocol):
@@ -62,7 +64,7 @@ def is_closed_loop(controller: Any) -> TypeGuard[ClosedLoop]:
     ):
         raise ValueError(
             "controller must have a method n_genes, and be callable (open-loop) or have a method policy (closed-loop), "
-            f"got {controller!r}"
+            f"got {shown(controller)}"
         )
     return closed
 
@@ -113,7 +115,7 @@ class Splines:
     knots: int = 5
 
     def __post_init__(self) -> None:
-        whole("knots", self.knots, least=2)
+        whole("knots", self.knots, least=2, most=_MOST)
 
     def n_genes(self, actuators: int) -> int:
         """For a robot with this many actuators."""
@@ -146,14 +148,11 @@ class MLP:
     scale: float | Sequence[float] = 1.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.hidden, Sequence):
-            raise ValueError(f"hidden must be the neurons of each layer, like (16,), got {self.hidden!r}")
-        for neurons in self.hidden:
-            whole("hidden", neurons)
+        wholes("hidden", self.hidden, "the neurons of each layer, like (16,)", most=_MOST)
         number("weight", self.weight)
         scale = numbers("scale", self.scale)
         if scale.ndim > 1 or not (np.isfinite(scale) & (scale > 0)).all():
-            raise ValueError(f"scale must be more than 0, a number or one for each entry, got {self.scale!r}")
+            raise ValueError(f"scale must be more than 0, a number or one for each entry, got {shown(self.scale)}")
 
     def n_genes(self, observations: int, actuators: int) -> int:
         """For a robot that senses this many numbers, and has this many actuators."""

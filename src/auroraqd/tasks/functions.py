@@ -5,7 +5,6 @@ A function of a batch of genotypes is a task as it is. What is here makes one of
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import numbers, seeds_for, whole
+from auroraqd._checks import flag, function, number, numbers, numeric, seeds_for, shown, whole
 
 _LEAST_ROWS = 16  # of a batch in JAX, which compiles anew for each number of rows: numbers are rounded up to powers of two
+_WIDEST = 1e300  # of a bound, so that what is between two is a number too
 _NAMES = ("fitness", "observation", "ground_truth")
 
 
@@ -34,13 +34,12 @@ class Gene:
 
     def __post_init__(self) -> None:
         if not isinstance(self.unit, str):
-            raise ValueError(f"the unit of a gene must be words, got {self.unit!r}")
-        try:
-            ordered = bool(np.isfinite([self.low, self.high]).all() and self.low < self.high)
-        except (TypeError, ValueError):  # no numbers
-            ordered = False
-        if not ordered:
-            raise ValueError(f"the bounds of a gene must be finite, and low less than high, got {self.low} and {self.high}")
+            raise ValueError(f"the unit of a gene must be words, got {shown(self.unit)}")
+        low, high = (
+            number(name, getattr(self, name), least=-_WIDEST, most=_WIDEST, wanted="a bound") for name in ("low", "high")
+        )
+        if not low < high:
+            raise ValueError(f"low of a gene must be below high, got {low:g} and {high:g}")
 
 
 class Genes:
@@ -62,11 +61,13 @@ class Genes:
         found = {}
         for name, gene in genes.items():
             try:
+                if not isinstance(gene, list | tuple | np.ndarray) or not 2 <= len(gene) <= 3:
+                    raise TypeError
                 found[name] = Gene(gene[0], gene[1], *gene[2:])
             except ValueError as error:
-                raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {gene!r}: {error}") from None
-            except (TypeError, LookupError):  # too few of them, or too many
-                raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {gene!r}") from None
+                raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {shown(gene)}: {error}") from None
+            except (TypeError, LookupError):  # too few of them, too many, or none
+                raise ValueError(f"gene {name} must be (low, high) or (low, high, unit), got {shown(gene)}") from None
         self._genes: Mapping[str, Gene] = found
 
     def __len__(self) -> int:
@@ -97,7 +98,8 @@ class Genes:
             ValueError: another number of genes.
         """
         low, high = self.bounds.T
-        return low + self._checked("genotypes", genotypes) * (high - low)
+        with np.errstate(over="ignore"):
+            return low + self._checked("genotypes", genotypes) * (high - low)
 
     def unscale(self, values: ArrayLike) -> np.ndarray:
         """Values in their units, (..., n_genes), to genotypes in [0, 1]: for controllers that are known.
@@ -111,7 +113,7 @@ class Genes:
         if outside.any():
             where = tuple(np.argwhere(outside)[0])
             name = self.names[where[-1]]
-            raise ValueError(f"{name} must be in [{low[where[-1]]:g}, {high[where[-1]]:g}], got {array[where]:g}")
+            raise ValueError(f"values: {name} must be in [{low[where[-1]]:g}, {high[where[-1]]:g}], got {array[where]:g}")
         return np.clip((array - low) / (high - low), 0.0, 1.0)
 
     def _checked(self, name: str, rows: ArrayLike) -> np.ndarray:
@@ -124,12 +126,10 @@ class Genes:
 class _OfOne:
     """A task of a function of one genotype."""
 
-    def __init__(self, function: Callable[..., Any], n_genes: int | None = None, seeded: bool = False):
-        if not callable(function):
-            raise TypeError(f"function must be callable, got {function!r}")
-        self.function = function
-        self.seeded = seeded
-        self.__name__ = getattr(function, "__name__", type(function).__name__)
+    def __init__(self, one: Callable[..., Any], n_genes: int | None = None, seeded: bool = False):
+        self.function = function("function", one)
+        self.seeded = flag("seeded", seeded)
+        self.__name__ = getattr(one, "__name__", type(one).__name__)
         if n_genes is not None:
             self.n_genes = whole("n_genes", n_genes)
 
@@ -147,12 +147,13 @@ class Each(_OfOne):
         Raises:
             ValueError: what it returns is no evaluation, or differs in kind or shape between genotypes.
         """
+        genotypes = _genotypes(genotypes)
         checked = self._seeds(seeds, len(genotypes))
         if checked is None:
-            results = [_columns(self.function(genotype), np.array) for genotype in genotypes]
+            results = [_columns(self.function(genotype), _copied) for genotype in genotypes]
         else:
             pairs = zip(genotypes, checked, strict=True)
-            results = [_columns(self.function(genotype, int(seed)), np.array) for genotype, seed in pairs]
+            results = [_columns(self.function(genotype, int(seed)), _copied) for genotype, seed in pairs]
         kinds = {len(result) if isinstance(result, tuple) else None for result in results}
         if len(kinds) != 1:
             raise ValueError("it must return a tuple of the same length for each genotype, or always observation alone")
@@ -193,10 +194,8 @@ class FromJax(_OfOne):
 
         if self._compiled is None:
             self._compiled = jax.jit(jax.vmap(self._of_arrays))
-        n = len(genotypes)
-        if n == 0:
-            raise ValueError("there must be at least one genotype")
-        columns = [np.asarray(genotypes)]
+        columns = [_genotypes(genotypes)]
+        n = len(columns[0])
         checked = self._seeds(seeds, n)
         if checked is not None:
             columns.append(np.ascontiguousarray(checked, np.uint64).view(np.uint32).reshape(n, 2))
@@ -204,7 +203,8 @@ class FromJax(_OfOne):
         padded = [np.concatenate([column, np.repeat(column[:1], rows - n, axis=0)]) for column in columns]
         keys = [jax.random.wrap_key_data(jax.numpy.asarray(data), impl="threefry2x32") for data in padded[1:]]
         try:
-            found = self._compiled(padded[0], *keys)
+            with np.errstate(over="ignore"):  # in single precision
+                found = self._compiled(padded[0], *keys)
         except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError) as error:
             raise ValueError(
                 "it must be a function of jax.numpy, without `if` or float() of its values, for JAX to trace it, and a "
@@ -215,9 +215,7 @@ class FromJax(_OfOne):
         return np.asarray(found)[:n]
 
     def _of_arrays(self, *arguments: Any) -> Any:
-        import jax
-
-        return _columns(self.function(*arguments), jax.numpy.asarray)
+        return _columns(self.function(*arguments), _traced)
 
 
 def from_jax(function: Callable[..., Any], n_genes: int | None = None, *, seeded: bool = False) -> FromJax:
@@ -236,12 +234,17 @@ def from_jax(function: Callable[..., Any], n_genes: int | None = None, *, seeded
     return FromJax(function, n_genes, seeded)
 
 
-def _columns(result: Any, array: Callable[[Any], Any]) -> Any:
+def _genotypes(genotypes: Any) -> np.ndarray:
+    return numeric("genotypes", genotypes, " of shape (n, n_genes)", axes=2, some=True)
+
+
+def _columns(result: Any, array: Callable[[str, Any], Any]) -> Any:
     """What a function returned for one genotype, as arrays: an observation, or a tuple of two or three.
 
     Args:
         result: what it returned.
-        array: makes an array, in memory of its own: a function may return the same again, changed.
+        array: makes an array of numbers, of what is called so, in memory of its own: a function may return the same again,
+            changed.
 
     Raises:
         ValueError: it is nothing of the kind.
@@ -251,23 +254,27 @@ def _columns(result: Any, array: Callable[[Any], Any]) -> Any:
         parts = result[:2] if len(result) == 3 and result[2] is None else result  # an `Evaluation` without
         if len(parts) not in (2, 3):
             raise ValueError(f"{wanted} a tuple of {len(result)}")
-        return tuple(_numbers(name, part, array) for name, part in zip(_NAMES, parts, strict=False))
+        return tuple(array(name, part) for name, part in zip(_NAMES, parts, strict=False))
     if result is None or isinstance(result, str | bytes | Mapping | set):
-        raise ValueError(f"{wanted} {reprlib.repr(result) if result is None else type(result).__name__}")
-    observation = _numbers("observation", result, array)
+        raise ValueError(f"{wanted} {result if result is None else type(result).__name__}")
+    observation = array("observation", result)
     if observation.ndim == 0:
         raise ValueError(f"{wanted} one number for a genotype: as observation of one entry it must be an array, of shape (1,)")
     return observation
 
 
-def _numbers(name: str, value: Any, array: Callable[[Any], Any]) -> Any:
+def _copied(name: str, value: Any) -> np.ndarray:
+    return numeric(f"{name} of a genotype", value).copy()
+
+
+def _traced(name: str, value: Any) -> Any:
+    """As an array of JAX, whose entries nobody knows yet."""
+    import jax
+
     try:
-        found = array(value)
-        if found.dtype.kind in "OSUmM":
-            raise TypeError
+        return jax.numpy.asarray(value)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} of a genotype must be numbers, got {reprlib.repr(value)}") from None
-    return found
+        raise ValueError(f"{name} of a genotype must be numbers, got {shown(value)}") from None
 
 
 def _stacked(name: str, rows: Any) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from auroraqd._checks import numbers, seeds_for, whole
+from auroraqd._checks import flag, instance, numbers, seeds_for, shown, whole, whole_numbers
 from auroraqd._workers import cores
 from auroraqd.tasks import Evaluation
 from auroraqd.tasks._environments import Environments
@@ -16,6 +16,7 @@ from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped
 from auroraqd.tasks.controllers import ClosedLoop, OpenLoop, Sinusoids, is_closed_loop
 
 _MOST_BYTES = 1 << 28  # of states that are kept at once
+_MOST_STEPS, _MOST_THREADS = 10**7, 10_000
 _SIDE_BY_SIDE = 16  # environments that are stepped; with more of them, each step is no faster
 
 
@@ -71,22 +72,22 @@ class Gym:
     options: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        whole("steps", self.steps)
+        instance("env_id", self.env_id, str, "the name of an environment")
+        whole("steps", self.steps, most=_MOST_STEPS)
         whole("samples", self.samples, most=self.steps)
         if self.threads is not None:
-            whole("threads", self.threads)
+            whole("threads", self.threads, most=_MOST_THREADS)
         if not (self.fitness is None or callable(self.fitness) or (isinstance(self.fitness, str) and self.fitness == "return")):
-            raise ValueError(f'fitness must be a function of an Episode, "return" or None, got {self.fitness!r}')
+            raise ValueError(f'fitness must be a function of an Episode, "return" or None, got {shown(self.fitness)}')
         if self.modify is not None and not callable(self.modify):
-            raise ValueError(f"modify must be a function that changes a model of MuJoCo, got {self.modify!r}")
+            raise ValueError(f"modify must be a function that changes a model of MuJoCo, got {shown(self.modify)}")
         for name in ("positions", "observe"):
             chosen = getattr(self, name)
-            if chosen is not None and not _whole_numbers(chosen):
-                raise ValueError(f"{name} must be whole numbers of shape (chosen,), got {chosen!r}")
+            if chosen is not None:
+                whole_numbers(name, chosen, axes=1)
         if not isinstance(self.options, dict):
-            raise ValueError(f"options must be a dictionary, as gymnasium.make takes them, got {self.options!r}")
-        if not isinstance(self.noisy, bool | np.bool_):
-            raise ValueError(f"noisy must be True or False, got {self.noisy!r}")
+            raise ValueError(f"options must be a dictionary, as gymnasium.make takes them, got {shown(self.options)}")
+        flag("noisy", self.noisy)
         if self.positions is not None and self.observe is not None:
             raise ValueError("positions and observe are two ways to say what is observed: give one of them")
         self._open()
@@ -185,7 +186,7 @@ class Gym:
         if is_closed_loop(self.controller):
             policy = self.controller.policy(genotypes, self._environments.observations, actuators)
             if not callable(policy):
-                raise ValueError(f"the policy of the controller must be a function of what is sensed, got {policy!r}")
+                raise ValueError(f"the policy of the controller must be a function of what is sensed, got {shown(policy)}")
             return stepped(self._environments, lambda step, sensed: policy(sensed), self.steps, seeds)
         controller: Any = self.controller
         controls = numbers("controls", controller(genotypes, actuators, self.interval * np.arange(self.steps)))
@@ -230,15 +231,6 @@ class Gym:
             return numbers("what fitness returns", returned)
         except ValueError as error:
             raise ValueError(f"{error}{hint * ('None' in str(error))}") from None
-
-
-def _whole_numbers(chosen: Any) -> bool:
-    """Whether it is some, or an empty list of them."""
-    try:
-        array = np.asarray(chosen)
-    except ValueError:  # not of one shape
-        return False
-    return array.ndim == 1 and (len(array) == 0 or array.dtype.kind in "iu")
 
 
 def _threads() -> int:

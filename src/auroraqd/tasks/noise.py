@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import seeds_for, whole
+from auroraqd._checks import function, numeric, seeds_for, whole
 from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
 
+_MOST_TIMES = 10**6
 _RUN, _AGAIN = 1, 2  # streams of their own, apart from the random numbers of the run itself
 
 
@@ -45,10 +46,8 @@ class Repeated:
     """A task that evaluates each individual several times and averages; what `repeated` returns."""
 
     def __init__(self, task: Callable, times: int):
-        if not callable(task):
-            raise TypeError(f"task must be callable, got {task!r}")
-        self.task = task
-        self.times = whole("times", times)
+        self.task = function("task", task)
+        self.times = whole("times", times, most=_MOST_TIMES)
         self.__name__ = name_of(task)
 
     def __getattr__(self, name: str) -> Any:
@@ -63,6 +62,7 @@ class Repeated:
         Raises:
             ValueError: the task returned something that is no evaluation.
         """
+        genotypes = numeric("genotypes", genotypes, " of shape (n, n_genes)", axes=2, some=True)
         n = len(genotypes)
         if seeds is not None:
             each = seeds_for("seeds", seeds, n)
