@@ -54,7 +54,7 @@ those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _MOST = 10**8  # genes, and individuals of a batch
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
-_TICKETS = 40  # bits for those of one run
+_TICKETS, _RUNS = 40, 2**22  # bits for those of one run; runs that are told apart, by their seeds
 
 
 class Aurora:
@@ -332,7 +332,7 @@ class Aurora:
     @property
     def _ticket_base(self) -> int:
         """The first ticket: those of runs with other seeds differ."""
-        return (1 + zlib.crc32(str(self.seed).encode())) << _TICKETS
+        return (1 + zlib.crc32(str(self.seed).encode()) % _RUNS) << _TICKETS
 
     @property
     def out(self) -> list[Proposal]:
