@@ -128,6 +128,7 @@ class Aurora:
         self._seconds = 0.0
         self._task: dict[str, Any] | None = None  # what it was, as `auroraqd.provenance` describes it
         self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
+        self._made: dict[str, Any] | None = None  # by which commands, and when, as `auroraqd.provenance` has it; when saved
 
     def __repr__(self) -> str:
         return f"Aurora(generation={self.generation}, evaluations={self.evaluations}, archive={self.archive!r})"

@@ -27,7 +27,7 @@ _STRATEGIES = {"selection": selection, "variation": variation, "resolution": res
 _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits", "_update_due", "_counts")
 _SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0}  # plain too, and not in files of version 0.2.0
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
-_TASKS = ("_task", "_earlier_task")  # in config.json: equal runs have equal states, also of tasks that tell their address
+_TASKS = ("_task", "_earlier_task", "_made")  # in config.json: equal runs have equal states, whoever made them
 _OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_pending", "_seconds", "_attempts", *_TASKS)
 
 FIELDS = {*_PLAIN, *_SINCE, *_OTHERS}
@@ -109,7 +109,7 @@ def restored(state: State, descriptor: Descriptor, seconds: Mapping[int, float],
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
     if waiting:  # an earlier version did not keep when they were born
         waiting = {"ground_truth": None, "born": np.full(len(waiting["genotype"]), -1), **waiting}
-    aurora._task = aurora._earlier_task = None
+    aurora._task = aurora._earlier_task = aurora._made = None
     aurora._waiting = Batch(**waiting) if waiting else None
     aurora._pending = Pending(**pending, rearranged=values["rearranged"], since=time.perf_counter()) if pending else None
     return aurora
