@@ -99,8 +99,8 @@ WANTED = r"it must return a tuple of fitness, observation and optionally ground 
         (lambda g: "x", f"{WANTED}str"),
         (lambda g: (g,), f"{WANTED}a tuple of 1"),
         (lambda g: (g[0], g, g, g), f"{WANTED}a tuple of 4"),
-        (lambda g: (None, g), "fitness of a genotype must be numbers None"),
-        (lambda g: (g[0], "x"), "observation of a genotype must be numbers 'x'"),
+        (lambda g: (None, g), "fitness of a genotype must be numbers, got None"),
+        (lambda g: (g[0], "x"), "observation of a genotype must be numbers, got 'x'"),
         (lambda g: [g[0], g], "observation of a genotype must be numbers"),
     ],
 )

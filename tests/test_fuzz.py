@@ -563,7 +563,7 @@ def test_files_with_bytes_that_are_lost_or_changed(folder, tmp_path_factory, dat
 WITHIN = """
 import resource, sys
 import auroraqd
-from auroraqd.runs import folders as storage
+from auroraqd.runs import folders
 resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
 for call in (auroraqd.load, auroraqd.resume, folders.load_config, folders.load_history):
     try:

@@ -71,7 +71,7 @@ def test_a_noisy_skill_is_repeated_as_it_was_found(folder):
     assert_array_equal(again.fitness[:, 1], repertoire.fitness)
     assert (repertoire.evaluate(windy).error > 0).all()
     assert_array_equal(repertoire.evaluate(windy, [3, 1], seeds="found").observation[:, 0], repertoire.observation[[3, 1]])
-    with pytest.raises(ValueError, match="seeds must be 'new' or 'found', got 'mine'"):
+    with pytest.raises(ValueError, match="seeds must be one of new, found, got 'mine'"):
         repertoire.evaluate(windy, seeds="mine")
 
 
@@ -92,7 +92,7 @@ def test_an_archive_by_hand():
     assert archive.born.tolist() == [-1] * 4 + [7, 8, 9, 10]
     assert archive.parent.tolist() == [-1] * 4 + [0, 1, 2, 3]
     for wrong, message in (
-        ([1.5] * 4, "born must be whole numbers, got float64"),
+        ([1.5] * 4, "born must be whole numbers, got "),
         ([1, 2], r"born must have 4 rows, as genotype has, got shape \(2,\)"),
         (3, r"born must have shape \(n,\), got \(\)"),
     ):

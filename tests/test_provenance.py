@@ -144,3 +144,21 @@ def test_the_command_line(written, tmp_path):
     assert "Warning: the code of task my_robots:robot has changed since the run was saved" in " ".join(done.stderr.split())
     auroraqd.save(grown(written().robot), tmp_path / "python")
     assert "my_robots:robot" in command("show", "python", "--no-figures").stdout
+
+
+def test_the_first_command_stays_and_later_ones_are_kept(tmp_path, monkeypatch):
+    def provenance():
+        return auroraqd.load(tmp_path).config["provenance"]
+
+    monkeypatch.setattr(sys, "argv", ["first"])
+    aurora = auroraqd.Aurora(2, "genotype", seed=0, batch_size=5).run(auroraqd.tasks.Ballistic(), generations=1)
+    auroraqd.save(aurora, tmp_path)
+    first = provenance()
+    for command in ("second", "third"):
+        monkeypatch.setattr(sys, "argv", [command])
+        aurora = auroraqd.resume(tmp_path)
+        for _ in range(2):
+            auroraqd.save(aurora.run(auroraqd.tasks.Ballistic(), generations=1), tmp_path)
+    assert (first["command"], "resumed" in first) == ("first", False)
+    assert {name: provenance()[name] for name in ("command", "date")} == {name: first[name] for name in ("command", "date")}
+    assert [one["command"] for one in provenance()["resumed"]] == ["second", "third"]

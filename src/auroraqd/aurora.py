@@ -152,6 +152,7 @@ class Aurora:
         self._until = 0.0  # the time up to which they are counted
         self._task: dict[str, Any] | None = None  # what it was, as `auroraqd.provenance` describes it
         self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
+        self._made: dict[str, Any] | None = None  # by which commands, and when, as `auroraqd.provenance` has it; when saved
 
     def __repr__(self) -> str:
         return f"Aurora(generation={self.generation}, evaluations={self.evaluations}, archive={self.archive!r})"
@@ -216,7 +217,7 @@ class Aurora:
         random = self._rng.bit_generator.state
         with uninterrupted():
             try:
-                made = self._made(wanted) if isinstance(wanted, int) else _without_parents(wanted)
+                made = self._emitted(wanted) if isinstance(wanted, int) else _without_parents(wanted)
             except BaseException:  # a strategy that fails has used random numbers, and the run must not take another course
                 self._rng.bit_generator.state = random
                 raise
@@ -228,7 +229,7 @@ class Aurora:
             self._current = ticket if alone else self._current
         return proposal
 
-    def _made(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _emitted(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n genotypes, the ids of their parents, and which emitter made them."""
         made = []
         for which, count in enumerate(self._emitters.counts(n, self._rng)):

@@ -30,6 +30,15 @@ def made_by() -> dict[str, Any]:
     return {"command": shlex.join(sys.argv), "date": datetime.now(UTC).isoformat(timespec="seconds")}
 
 
+def made_again(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The command and the time that a run folder names, which stay, and with which it goes on, the last of `resumed`."""
+    before, now = config.get("provenance"), made_by()
+    if not isinstance(before, Mapping) or not before.keys() >= now.keys():
+        return now
+    resumed = before.get("resumed")
+    return {**{name: before[name] for name in now}, "resumed": [*(resumed if isinstance(resumed, list) else []), now]}
+
+
 def described(task: Callable) -> dict[str, Any]:
     """A task as JSON values.
 

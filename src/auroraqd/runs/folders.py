@@ -35,7 +35,7 @@ from auroraqd.descriptors.descriptor import NAMES, OBSERVATION, Descriptor, Tran
 from auroraqd.descriptors.scaling import Scaling
 from auroraqd.history import History, Record
 from auroraqd.individuals import KNOWN
-from auroraqd.provenance import made_by, task_in
+from auroraqd.provenance import made_again, made_by, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.runs import _tensors, _transformers
 from auroraqd.runs._saved import check_arrays, check_values
@@ -112,7 +112,8 @@ def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, kee
 def write_config(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None) -> None:
     """The settings alone, as `save` writes them."""
     config = {**(settings_of(aurora) if config is None else config), "environment": environment()}
-    config["provenance"] = {**made_by(), "task": aurora._task}
+    aurora._made = aurora._made or made_by()
+    config["provenance"] = {**aurora._made, "task": aurora._task}
     _write(folder / CONFIG, json.dumps(config, indent=2) + "\n")
 
 
@@ -217,6 +218,7 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
 
     aurora = _read(folder, run, "cannot go on")
     aurora._task = aurora._earlier_task = task_in(config)
+    aurora._made = made_again(config)
     return aurora
 
 

@@ -27,7 +27,7 @@ _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits
 _SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0, "_tickets": 0, "_part": 0}  # and not in files of version 0.2.0
 _LATER = ("_next_evaluation", "_current")  # likewise, but following from the rest
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
-_TASKS = ("_task", "_earlier_task")  # in config.json: equal runs have equal states, also of tasks that tell their address
+_TASKS = ("_task", "_earlier_task", "_made")  # in config.json: equal runs have equal states, whoever made them
 _TIMES = ("_seconds", "_until")
 _OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_asked", "_emitters", "_attempts", *_TASKS)
 
@@ -137,7 +137,7 @@ def restored(
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
     aurora._until = 0.0
-    aurora._task = aurora._earlier_task = None
+    aurora._task = aurora._earlier_task = aurora._made = None
     waiting = _individuals(_named("waiting", arrays))
     aurora._waiting = waiting if waiting.rows else None
     _ask_again(aurora, values, _individuals(_named("pending", arrays)))
