@@ -303,7 +303,7 @@ class Aurora:
         """
         asked = self._asked_for(ticket)
         evaluation = checked(Evaluation(fitness, observation, ground_truth), len(asked.proposal.genotype))
-        self.check_as_before(evaluation)
+        self._check_as_before(evaluation)
         was_full = self.archive.full
         status = self._told(asked, evaluation)
         if self.archive.full and not was_full:
@@ -417,24 +417,24 @@ class Aurora:
         function("task", task)
         budget = Budget(self, generations, evaluations, seconds, until_generation)
         known = None if initial is None else self._checked_genotypes("initial", initial)
-        run(self, task, budget, known, callback, progress)
+        run(self, task, budget, known, callback, flag("progress", progress))
         return self
 
-    def remember(self, task: Callable) -> str | None:
+    def _remember(self, task: Callable) -> str | None:
         """Keep which task it is. Of a run that was resumed, says once if it is another than before, and how."""
         now = described(task)
         how = None if self._earlier_task is None else changed(self._earlier_task, now)
         self._task, self._earlier_task = now, None
         return how
 
-    def ask_known(self, known: np.ndarray) -> None:
+    def _ask_known(self, known: np.ndarray) -> None:
         """Known controllers, (m, n_genes), as the next batch; while nothing is stored, filled up with random ones."""
         missing = max(self.batch_size - len(known), 0) if len(self.archive) == 0 else 0
         with uninterrupted():
             self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
     @property
-    def hopeless(self) -> bool:
+    def _hopeless(self) -> bool:
         """Whether many generations have not given one valid individual."""
         return self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations
 
@@ -446,7 +446,7 @@ class Aurora:
             raise ValueError(f"{name} must be in [0, 1]")
         return children
 
-    def check_as_before(self, evaluation: Evaluation) -> None:
+    def _check_as_before(self, evaluation: Evaluation) -> None:
         """Raise ValueError when the columns do not match those of the individuals told before."""
         before = self._waiting if self._waiting is not None else self.archive.columns if len(self.archive) else None
         if before is None:
@@ -668,7 +668,7 @@ def _emitters(emitter: Any, selection: Any, variation: Any) -> Shared:
         )
     if selection is not None or variation is not None:
         raise ValueError("selection and variation are the short form of emitter: give these, or that")
-    return shared(copy.deepcopy(emitter))
+    return copy.deepcopy(shared(emitter))
 
 
 def _resolution_for(archive: Archive, resolution: Any) -> Any:

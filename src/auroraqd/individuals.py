@@ -116,7 +116,7 @@ def measured(given: Mapping[str, Any]) -> Columns:
             columns[name] = np.full(len(columns["genotype"]), kind.unknown)
         elif kind.dtype is np.int64:
             columns[name] = whole_numbers(name, values, axes=1)
-        elif values is not None:
+        elif values is not None or kind.always:
             columns[name] = (numeric if kind.dtype is None else numbers)(name, values, axes=kind.axes, rows=True)
     n = len(columns["genotype"])
     for name, rows in columns.items():

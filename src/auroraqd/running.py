@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callback: Any, progress: bool) -> None:
     """See `Aurora.run`, whose arguments have been checked, but for the callback."""
     callbacks = Callbacks(callback)
-    how = aurora.remember(task)
+    how = aurora._remember(task)
     if how is not None:
         warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
     with _shown(aurora, budget) if progress else nullcontext() as show:
@@ -36,17 +36,17 @@ def run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None
 def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callbacks: Callbacks) -> None:
     while not budget.used_up():
         if aurora.pending is None and known is not None:
-            aurora.ask_known(known)
+            aurora._ask_known(known)
             known = None
         genotypes = aurora.ask() if aurora.pending is None else aurora.pending
         seeds = aurora.seeds if getattr(task, "seeded", False) else None
         evaluation = evaluated(task, genotypes, seeds, f"at generation {aurora.generation}")
         try:
-            aurora.check_as_before(evaluation)
+            aurora._check_as_before(evaluation)
         except ValueError as error:
             raise TaskError(f"task {name_of(task)} at generation {aurora.generation}: {error}") from error
         aurora.tell(*evaluation)
-        if aurora.hopeless:
+        if aurora._hopeless:
             raise TaskError(
                 f"task {name_of(task)} gave no valid individual in {aurora.generation} generations: fitness or observation was "
                 f"NaN or infinite for all {aurora.evaluations} evaluations"

@@ -307,9 +307,9 @@ def test_credit_of_those_that_are_gone_is_harmless(archive):
 @pytest.mark.parametrize(
     ("parents", "status", "message"),
     [
-        ([0.5], [1], "parent_ids must be whole numbers, got float64"),
-        (["a"], [1], "parent_ids must be whole numbers"),
-        ([[0], [1, 2]], [1, 1], "parent_ids must be an array of whole numbers"),
+        ([0.5], [1], r"parent_ids must be whole numbers, got \[0.5\]"),
+        (["a"], [1], "parent_ids must be numbers"),
+        ([[0], [1, 2]], [1, 1], "parent_ids must be numbers with rows of one shape"),
         ([0], ["new"], "status must be numbers"),
         ([0, 1], [1], "must have one shape"),
     ],
