@@ -12,6 +12,7 @@ import math
 import time
 import warnings
 import zlib
+from array import array
 from collections.abc import Callable, Sequence
 from typing import Any, overload
 
@@ -40,13 +41,13 @@ from auroraqd.control.update import FIRST_FITS, Attempts, RefusedUpdate, Update,
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.emitters.base import Shared, shared
 from auroraqd.emitters.genetic import Genetic
-from auroraqd.emitters.proposal import Asked, Proposal
+from auroraqd.emitters.proposal import Asked, Event, Proposal
 from auroraqd.emitters.selection import Curiosity
 from auroraqd.emitters.variation import Polynomial
 from auroraqd.history import History, Record
 from auroraqd.individuals import Columns, check_like
 from auroraqd.provenance import changed, described
-from auroraqd.tasks import Evaluation, checked
+from auroraqd.tasks import Evaluation, TaskError, checked
 
 SURVIVAL = 0.25
 """The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
@@ -147,6 +148,7 @@ class Aurora:
         self._tickets = 0  # given so far
         self._next_evaluation = 0
         self._part = 0  # individuals of the generation under way that were told in parts
+        self._events = array("q")  # pairs, if anything was told in parts; see `events`
         self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
         self._until = 0.0  # the time up to which they are counted
@@ -226,6 +228,10 @@ class Aurora:
             self._tickets += 1
             self._next_evaluation += len(proposal.genotype)
             self._asked[ticket] = Asked(proposal, alone, since)
+            if not alone:
+                if not self._events and self.generation:
+                    self._happened(Event.ALONE, self.generation)
+                self._happened(Event.ASKED, len(proposal.genotype))
             self._current = ticket if alone else self._current
         return proposal
 
@@ -266,6 +272,18 @@ class Aurora:
         asked = self._asked_for(ticket)
         with uninterrupted():
             self._forget(asked)
+            if not asked.alone:
+                self._happened(Event.WITHDRAWN, ticket - self._ticket_base)
+
+    def _happened(self, kind: Event, value: int) -> None:
+        self._events.extend((kind, value))
+
+    @property
+    def events(self) -> np.ndarray:
+        """(n, 2) int64: what happened in which order, if anything was asked for by numbers; `auroraqd.asynchronous.replay` does
+        it again. Their kinds are those of `auroraqd.emitters.proposal.Event`.
+        """
+        return np.array(self._events, np.int64).reshape(-1, 2)
 
     def _forget(self, asked: Asked) -> None:
         ticket = asked.proposal.ticket
@@ -384,6 +402,7 @@ class Aurora:
         initial: ArrayLike | None = None,
         callback: Any = None,
         progress: bool = False,
+        asynchronous: bool = False,
     ) -> Aurora:
         """Evaluate generations on a task until a budget is used up. Called again, it goes on.
 
@@ -402,6 +421,9 @@ class Aurora:
             callback: called with this object after each generation; the run stops when it returns True. Or an object with some
                 of the methods of `auroraqd.callbacks`. Of several, a sequence, all are called, in order.
             progress: whether to show how it goes: a bar on a terminal, a line every ten seconds elsewhere, on standard error.
+            asynchronous: whether a worker that is free gets new offspring at once, instead of waiting for its generation. The
+                task must be one of `auroraqd.evaluate.over`. Then `batch_size` individuals told are a generation; see
+                `auroraqd.asynchronous`.
 
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
@@ -417,7 +439,9 @@ class Aurora:
         function("task", task)
         budget = Budget(self, generations, evaluations, seconds, until_generation)
         known = None if initial is None else self._checked_genotypes("initial", initial)
-        run(self, task, budget, known, callback, flag("progress", progress))
+        if flag("asynchronous", asynchronous) and not callable(getattr(task, "stream", None)):
+            raise TypeError(f"task must be one over workers, of auroraqd.evaluate.over, to be asynchronous, got {shown(task)}")
+        run(self, task, budget, known, callback, flag("progress", progress), asynchronous)
         return self
 
     def _remember(self, task: Callable) -> str | None:
@@ -437,6 +461,12 @@ class Aurora:
     def _hopeless(self) -> bool:
         """Whether many generations have not given one valid individual."""
         return self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations
+
+    def _no_hope(self, task: str) -> TaskError:
+        return TaskError(
+            f"task {task} gave no valid individual in {self.generation} generations: fitness or observation was NaN or "
+            f"infinite for all {self.evaluations} evaluations"
+        )
 
     def _checked_genotypes(self, name: str, genotypes: ArrayLike) -> np.ndarray:
         children = numbers(name, genotypes, f" of shape (n, {self.n_genes})").copy()
@@ -499,6 +529,7 @@ class Aurora:
             self.archive.credit(batch["parent"], status)
             alone = update is not None and refusal is None and update.l is None and self.resolution is not None
             self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
+            self._recall(asked, status[-n:])
             self._done(
                 asked,
                 status,
@@ -515,6 +546,7 @@ class Aurora:
             said = self._try_again(refusal, tried=False)
             self._update_due, self._waiting = scheduled, batch.take(valid).copied()
             status = np.where(valid, REJECTED, INVALID).astype(np.int8)
+            self._recall(asked, status[-len(asked.proposal.genotype) :])
             self._done(asked, status[~valid], np.nan)
         _say(said)
         return status[-len(asked.proposal.genotype) :]
@@ -544,6 +576,16 @@ class Aurora:
             descriptor[valid] = described["descriptor"]
         told = (batch.without("emitter") | {"descriptor": descriptor}).take(rows)
         emitter.tell(self.archive, told, Info(info.status[rows], info.row[rows], info.removed))
+
+    def _recall(self, asked: Asked, status: np.ndarray) -> None:
+        """Keep the order in which individuals were told, and which of them were invalid, which may have been the workers."""
+        first = asked.proposal.first
+        if not asked.alone:
+            for row in np.flatnonzero(status == INVALID).tolist():
+                self._happened(Event.INVALID, first + row)
+            self._happened(Event.TOLD, asked.proposal.ticket - self._ticket_base)
+        elif self._events:
+            self._happened(Event.ALONE, 1)
 
     def _done(self, asked: Asked, status: np.ndarray, rmse: float) -> None:
         """Count individuals that were given this status, and whose own had this error; record the generation if it is one."""

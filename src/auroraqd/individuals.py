@@ -136,7 +136,7 @@ def stored(arrays: Mapping[str, np.ndarray]) -> Columns:
     arrays = mapping("columns", arrays)
     missing = [name for name, kind in KNOWN.items() if kind.always and kind.unknown is None and name not in arrays]
     if missing:
-        raise ValueError(f"stored individuals must have {', '.join(missing)}")
+        raise ValueError(f"columns of stored individuals must have {', '.join(missing)}")
     n = len(arrays["genotype"]) if np.ndim(arrays["genotype"]) else 0
     for name, array in arrays.items():
         instance(name, array, np.ndarray, "an array")

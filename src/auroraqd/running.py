@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from auroraqd import asynchronous
 from auroraqd._checks import number, whole
 from auroraqd.callbacks.base import Callbacks
 from auroraqd.tasks import TaskError, evaluated, name_of
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
 
 
-def run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callback: Any, progress: bool) -> None:
+def run(
+    aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callback: Any, progress: bool, in_parts: bool
+) -> None:
     """See `Aurora.run`, whose arguments have been checked, but for the callback."""
     callbacks = Callbacks(callback)
     how = aurora._remember(task)
@@ -28,31 +31,38 @@ def run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None
         both = callbacks if show is None else Callbacks([callbacks, show])
         both.start(aurora)
         try:
-            _run(aurora, task, budget, known, both)
+            _run(aurora, task, budget, known, both, in_parts)
         finally:
             both.end(aurora)
 
 
-def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callbacks: Callbacks) -> None:
+def _run(
+    aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | None, callbacks: Callbacks, in_parts: bool
+) -> None:
     while not budget.used_up():
+        if in_parts and aurora.pending is None:
+            return asynchronous.run(aurora, task, budget, known, callbacks)
         if aurora.pending is None and known is not None:
             aurora._ask_known(known)
             known = None
-        genotypes = aurora.ask() if aurora.pending is None else aurora.pending
-        seeds = aurora.seeds if getattr(task, "seeded", False) else None
-        evaluation = evaluated(task, genotypes, seeds, f"at generation {aurora.generation}")
-        try:
-            aurora._check_as_before(evaluation)
-        except ValueError as error:
-            raise TaskError(f"task {name_of(task)} at generation {aurora.generation}: {error}") from error
-        aurora.tell(*evaluation)
-        if aurora._hopeless:
-            raise TaskError(
-                f"task {name_of(task)} gave no valid individual in {aurora.generation} generations: fitness or observation was "
-                f"NaN or infinite for all {aurora.evaluations} evaluations"
-            )
-        if callbacks.generation(aurora):
-            break
+        if _generation(aurora, task, callbacks):
+            return None
+    return None
+
+
+def _generation(aurora: Aurora, task: Callable, callbacks: Callbacks) -> bool:
+    """Evaluate and tell a batch; returns whether the run is to stop."""
+    genotypes = aurora.ask() if aurora.pending is None else aurora.pending
+    seeds = aurora.seeds if getattr(task, "seeded", False) else None
+    evaluation = evaluated(task, genotypes, seeds, f"at generation {aurora.generation}")
+    try:
+        aurora._check_as_before(evaluation)
+    except ValueError as error:
+        raise TaskError(f"task {name_of(task)} at generation {aurora.generation}: {error}") from error
+    aurora.tell(*evaluation)
+    if aurora._hopeless:
+        raise aurora._no_hope(name_of(task))
+    return callbacks.generation(aurora)
 
 
 class Budget:
@@ -86,6 +96,18 @@ class Budget:
         batches = np.ceil(max(self._evaluations - aurora.evaluations, 0) / aurora.batch_size)
         last = min(self._generations, aurora.generation + batches)
         return int(last) if np.isfinite(last) else None
+
+    def left(self) -> int:
+        """Individuals that may yet be asked for, where they are told in parts."""
+        aurora = self._aurora
+        if time.monotonic() >= self._deadline:
+            return 0
+        out = sum(len(proposal.genotype) for proposal in aurora.out)
+        more = min(
+            (self._generations - aurora.generation) * aurora.batch_size - aurora._part,
+            self._evaluations - aurora.evaluations,
+        )
+        return int(min(max(more - out, 0), aurora.batch_size))
 
     def used_up(self) -> bool:
         """Whether one of the limits is reached."""

@@ -1,5 +1,6 @@
 """Individuals on their way into the archive: asked for, and told."""
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -49,3 +50,13 @@ class Asked(NamedTuple):
     proposal: Proposal
     alone: bool
     since: float
+
+
+class Event(IntEnum):
+    """What happens in a run that is told in parts, and the number that goes with it."""
+
+    ASKED = 0  # so many individuals were asked for
+    TOLD = 1  # the proposal of this number, the first is 0
+    WITHDRAWN = 2  # likewise
+    INVALID = 3  # the evaluation of this number; it is told next
+    ALONE = 4  # so many generations were told by the batch

@@ -19,6 +19,7 @@ from auroraqd.evaluate.executors import START, Answer, work_on
 from auroraqd.tasks import Evaluation, name_of
 
 _SHORTEST, _LONGEST = 0.01, 0.2  # s, that a chunk should take: far more than to send it, far less than a generation
+_SHORT = 1.0  # s, an evaluation so short that to wait for the next one would show
 _SLOWER = 4.0  # a chunk may take this many times as long as others, and a time limit more
 _HOPELESS = 32  # individuals that fail, and none that does not, are not the individuals' fault
 _HANGING = 6  # nor are these, if they hang and none ever came back: to wait for more may take hours
@@ -162,6 +163,10 @@ class Spread:
         self.failed += len(batch.invalid)
         return batch.evaluation()
 
+    def stream(self) -> "Stream":
+        """Workers that are given individuals one after the other, not by the batch: see `Aurora.run(asynchronous=True)`."""
+        return Stream(self)
+
     @property
     def _workers(self) -> int:
         executor = self._started()
@@ -218,6 +223,7 @@ class _Batch:
         self._spread = spread
         self._genotypes = genotypes
         self._seeds = seeds
+        self._size = len(genotypes)
         self._next = 0  # the first row that has not been sent
         self._again: deque[_Piece] = deque()
         self._suspects: deque[_Piece] = deque()  # one of them broke the executor: they are tried one at a time
@@ -225,13 +231,14 @@ class _Batch:
         self._alone = False
         self._free: Worker | None = None  # who answered just now, and will take what is sent
         self._done: list[tuple[_Piece, Evaluation]] = []
+        self._succeeded = False  # any of them
         self._hanging = 0  # chunks that took too long
         self.invalid: dict[int, tuple[_Piece, str]] = {}  # row to what was given up, and why
 
     @property
     def unfinished(self) -> bool:
         """Whether there is anything left to do."""
-        return bool(self._next < len(self._genotypes) or self._again or self._suspects or self._running)
+        return bool(self._next < self._size or self._again or self._suspects or self._running)
 
     def step(self) -> None:
         """Send what there are workers for, then wait for one of them."""
@@ -252,7 +259,7 @@ class _Batch:
         spread = self._spread
         try:
             workers = 1 if self._suspects or self._alone else spread._workers
-            while len(self._running) < workers and (piece := self._following(workers)) is not None:
+            while len(self._running) < self._most(workers) and (piece := self._following(workers)) is not None:
                 try:
                     future = self._submitted(piece)
                 except BaseException:
@@ -266,15 +273,31 @@ class _Batch:
 
     def _submitted(self, piece: _Piece) -> Future:
         spread = self._spread
-        executor, rows = spread._started(), slice(piece.start, piece.stop)
-        # Copies, for threads of this process may do with them what they like.
-        work = self._genotypes[rows].copy(), None if self._seeds is None else self._seeds[rows].copy()
+        executor, work = spread._started(), self._work(piece)
         if piece.declined >= _DECLINED or spread._workers == 1:
             spread._trust.met_all()
         elsewhere = spread._trust.elsewhere(piece.failed_on)
         pause = min(max(spread._seconds or 0.0, _PAUSE[0]), _PAUSE[1])
         submit = getattr(executor, "submit_elsewhere", lambda _, *arguments: executor.submit(*arguments))
         return submit(elsewhere, work_on, spread._content, spread.__name__, work, elsewhere, pause)
+
+    def _most(self, workers: int) -> int:
+        """Pieces that may be with so many workers."""
+        return workers
+
+    def _work(self, piece: _Piece) -> tuple[np.ndarray, np.ndarray | None]:
+        """Genotypes and seeds. Copies, for threads of this process may do with them what they like."""
+        rows = slice(piece.start, piece.stop)
+        return self._genotypes[rows].copy(), None if self._seeds is None else self._seeds[rows].copy()
+
+    def _fresh(self, workers: int) -> _Piece | None:
+        """Individuals that have not been sent yet, if there are any."""
+        left = self._size - self._next
+        if left == 0:
+            return None
+        piece = _Piece(self._next, self._next + self._spread._size(left, workers))
+        self._next = piece.stop
+        return piece
 
     def _following(self, workers: int) -> _Piece | None:
         self._alone = bool(self._suspects)
@@ -285,11 +308,8 @@ class _Batch:
             if free not in piece.failed_on:
                 del self._again[index]
                 return piece
-        left = len(self._genotypes) - self._next
-        if left:
-            piece = _Piece(self._next, self._next + self._spread._size(left, workers))
-            self._next = piece.stop
-            return piece
+        if (fresh := self._fresh(workers)) is not None:
+            return fresh
         # What is left has failed where a worker is free: others will be.
         return self._again.popleft() if self._again and not self._running else None
 
@@ -310,6 +330,7 @@ class _Batch:
         self._free = answer.worker
         if answer.evaluation is not None:
             self._done.append((piece, answer.evaluation))
+            self._succeeded = True
             spread._took(answer.seconds / piece.size)
             return self._set_aside(spread._trust.succeeded(answer.worker, piece.failed_on))
         if answer.refused is not None:
@@ -348,7 +369,7 @@ class _Batch:
         spread, pieces = self._spread, [piece for piece, _ in self._running.values()]
         self._running.clear()
         spread._end_executor()
-        if not self._done and spread._seconds is None:
+        if not self._succeeded and spread._seconds is None:
             spread._stillborn += 1
             if spread._stillborn >= _STILLBORN:
                 spread._stillborn = 0
@@ -385,38 +406,160 @@ class _Batch:
         else:
             self.invalid[piece.start] = piece, reason
             most = _HANGING if self._hanging and self._spread._seconds is None else _HOPELESS
-            if not self._done and len(self.invalid) >= min(most, len(self._genotypes)):
+            if not self._succeeded and len(self.invalid) >= min(most, self._size):
                 raise RuntimeError(f"all of {len(self.invalid)} individuals failed, the last: {reason}")
 
     def evaluation(self) -> Evaluation:
         """Of all, in order; rows of those that failed are invalid."""
         if not self._done:  # an empty batch
             return Evaluation(np.empty(0), np.empty((0, 1)))
-        n, done = len(self._genotypes), sorted(self._done, key=lambda one: one[0].start)
-        columns = [self._column(n, [(piece, evaluation[i]) for piece, evaluation in done]) for i in range(3)]
         if self.invalid:
             row, (_, reason) = next(iter(self.invalid.items()))
             _log.warning(
                 "%s: %d of %d individuals could not be evaluated and are invalid; one of them: %s",
                 self._spread.__name__,
                 len(self.invalid),
-                n,
+                self._size,
                 f"genotype {self._genotypes[row].tolist()}, {reason}",
             )
-        return Evaluation(*columns)
+        return _assembled(self._size, self._done)
 
-    def _column(self, n: int, parts: "Sequence[tuple[_Piece, Any]]") -> np.ndarray | None:
-        """n rows, NaN or zero where there is nothing to put; of a type that does not depend on who came first."""
-        shapes = {None if rows is None else rows.shape[1:] for _, rows in parts}
-        if len(shapes) > 1:
-            raise ValueError(
-                "it must return rows of one shape, and ground truth always or never, got both "
-                f"{' and '.join(sorted(map(str, shapes)))}"
-            )
-        if shapes == {None}:
-            return None
-        dtype = np.result_type(*(rows for _, rows in parts))
-        column = np.full((n, *parts[0][1].shape[1:]), np.nan if dtype.kind == "f" else 0, dtype)
-        for piece, rows in parts:
-            column[piece.start : piece.stop] = rows
-        return column
+
+def _assembled(n: int, done: Sequence[tuple[_Piece, Evaluation]]) -> Evaluation:
+    """The evaluation of n individuals from those of pieces; the rest is invalid."""
+    parts = sorted(done, key=lambda one: one[0].start)
+    return Evaluation(*(_column(n, [(piece, evaluation[i]) for piece, evaluation in parts]) for i in range(3)))
+
+
+def _column(n: int, parts: Sequence[tuple[_Piece, Any]]) -> np.ndarray | None:
+    """n rows, NaN or zero where there is nothing to put; of a type that does not depend on who came first."""
+    shapes = {None if rows is None else rows.shape[1:] for _, rows in parts}
+    if len(shapes) > 1:
+        raise ValueError(
+            "it must return rows of one shape, and ground truth always or never, got both "
+            f"{' and '.join(sorted(map(str, shapes)))}"
+        )
+    if shapes == {None}:
+        return None
+    dtype = np.result_type(*(rows for _, rows in parts))
+    column = np.full((n, *parts[0][1].shape[1:]), np.nan if dtype.kind == "f" else 0, dtype)
+    for piece, rows in parts:
+        column[piece.start : piece.stop] = rows
+    return column
+
+
+class Stream(_Batch):
+    """Individuals that come and go one after the other, for as long as it is open: what `Spread.stream` returns.
+
+    A submission is a few individuals that are evaluated together; what fails is tried again as in a batch.
+    """
+
+    def __init__(self, spread: Spread):
+        super().__init__(spread, np.empty((0, 0)), None)
+        self._size = _HOPELESS
+        self._waiting: deque[_Piece] = deque()  # not sent yet
+        self._open: dict[int, _Submission] = {}  # by their first row
+        self._template: Evaluation | None = None  # the shapes and dtypes of what came
+        self._lost: list[_Submission] = []  # invalid, all of it, before anything came
+
+    def __enter__(self) -> "Stream":
+        return self
+
+    def __exit__(self, kind: type | None, *_: object) -> None:
+        if kind is not None or self._running:  # nothing goes on behind the back of who left
+            self._spread._end_executor()
+
+    @property
+    def open(self) -> int:
+        """Submissions that are not finished."""
+        return len(self._open) + len(self._lost)
+
+    @property
+    def wanted(self) -> int:
+        """Submissions that would keep the workers busy, beyond those that are open.
+
+        Where evaluations are short, a few more than there are workers: one that is done finds the next waiting.
+        """
+        spread = self._spread
+        return max(self._most(spread._workers) - len(self._open), 0)
+
+    @property
+    def chunk(self) -> int:
+        """Individuals to submit at once: as many as take long enough for it to pay."""
+        spread = self._spread
+        if spread._chunk is not None:
+            return spread._chunk
+        return 1 if spread._seconds is None else max(int(_SHORTEST / max(spread._seconds, 1e-9)), 1)
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether there is anything left to do."""
+        return bool(self._open)
+
+    def submit(self, key: int, genotypes: np.ndarray, seeds: np.ndarray | None) -> None:
+        """Have individuals evaluated, (n, n_genes), with their seeds, (n,). What they did comes from `finished`, by the key."""
+        piece = _Piece(self._next, self._next + len(genotypes))
+        self._next = piece.stop
+        self._open[piece.start] = _Submission(key, piece, genotypes, seeds, [], [])
+        self._waiting.append(piece)
+
+    def finished(self) -> list[tuple[int, Evaluation]]:
+        """Wait for a worker; returns what is finished since, with the keys. There must be something open."""
+        self.step()
+        for piece, evaluation in self._done:
+            self._template = self._template or Evaluation(*(None if c is None else c[:0] for c in evaluation))
+            self._owner(piece).done.append((piece, evaluation))
+        for piece, reason in self.invalid.values():
+            self._owner(piece).invalid.append((piece, reason))
+        self._done.clear()
+        self.invalid.clear()
+        ready = [submission for submission in self._open.values() if submission.complete]
+        for submission in ready:
+            del self._open[submission.piece.start]
+        ready = [*self._lost, *ready]
+        if self._template is None:
+            self._lost = ready
+            return []
+        self._lost = []
+        return [(submission.key, self._evaluation(submission)) for submission in ready]
+
+    def _evaluation(self, submission: "_Submission") -> Evaluation:
+        assert self._template is not None
+        for _, reason in submission.invalid:
+            self._spread.failed += 1
+            _log.warning("%s: an individual could not be evaluated and is invalid: %s", self._spread.__name__, reason)
+        start = submission.piece.start
+        parts = [(_Piece(p.start - start, p.stop - start), evaluation) for p, evaluation in submission.done]
+        return _assembled(submission.piece.size, parts or [(_Piece(0, 0), self._template)])
+
+    def _owner(self, piece: _Piece) -> "_Submission":
+        return next(s for s in self._open.values() if s.piece.start <= piece.start < s.piece.stop)
+
+    def _work(self, piece: _Piece) -> tuple[np.ndarray, np.ndarray | None]:
+        owner = self._owner(piece)
+        rows = slice(piece.start - owner.piece.start, piece.stop - owner.piece.start)
+        return owner.genotypes[rows].copy(), None if owner.seeds is None else owner.seeds[rows].copy()
+
+    def _most(self, workers: int) -> int:
+        spread = self._spread
+        short = spread._seconds is not None and spread._seconds < _SHORT and spread._timeout is None
+        return workers + math.ceil(workers / 4) if short and workers > 1 and not self._suspects else workers
+
+    def _fresh(self, workers: int) -> _Piece | None:
+        return self._waiting.popleft() if self._waiting else None
+
+
+class _Submission(NamedTuple):
+    """Individuals that were submitted together, and what is known of them."""
+
+    key: int
+    piece: _Piece
+    genotypes: np.ndarray
+    seeds: np.ndarray | None
+    done: list[tuple[_Piece, Evaluation]]
+    invalid: list[tuple[_Piece, str]]
+
+    @property
+    def complete(self) -> bool:
+        """Whether all of them are done, or given up."""
+        return sum(piece.size for piece, _ in (*self.done, *self.invalid)) == self.piece.size

@@ -48,6 +48,10 @@ def check_arrays(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
     asked, pending = values.get("asked"), arrays.get("pending.genotype")
     if asked is not None and sum(n for _, n, *_ in asked) != (0 if pending is None else len(pending)):
         raise ValueError(f"asked must be as many individuals as are pending, got {shown(asked)}")
+    if "events" in arrays:
+        check_array("events", arrays["events"], axes=2, dtype=np.int64)
+        if arrays["events"].shape[1] != 2:
+            raise ValueError(f"events must have shape (n, 2), got {arrays['events'].shape}")
     stored = arrays.get("genotype")
     if stored is not None and len(stored) and stored.shape[1:] != (values["n_genes"],):
         raise ValueError(f"genotype must have shape (n, {values['n_genes']}), got {stored.shape}")

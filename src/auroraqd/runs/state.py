@@ -4,6 +4,7 @@ Beside `Aurora` itself this is the one place that knows what a run consists of; 
 crash. Wall-clock times are left out, so equal runs have equal states.
 """
 
+import array as typed
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -29,7 +30,8 @@ _LATER = ("_next_evaluation", "_current")  # likewise, but following from the re
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
 _TASKS = ("_task", "_earlier_task", "_made")  # in config.json: equal runs have equal states, whoever made them
 _TIMES = ("_seconds", "_until")
-_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_asked", "_emitters", "_attempts", *_TASKS)
+_ON_THE_WAY = ("_waiting", "_asked", "_events")
+_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", *_ON_THE_WAY, "_emitters", "_attempts", *_TASKS)
 
 FIELDS = {*_PLAIN, *_SINCE, *_LATER, *_TIMES, *_OTHERS}
 """All attributes of `Aurora` that are kept, or derived again. What users add to theirs is not kept."""
@@ -71,6 +73,8 @@ def state_of(aurora: Aurora) -> State:
         **_prefixed("waiting", aurora._waiting or {}),
         **_prefixed("pending", _joined([a.proposal for a in asked])),
     }
+    if len(aurora._events):
+        arrays["events"] = aurora.events
     if not len(archive):
         arrays.update({name: getattr(archive, name) for name, kind in KNOWN.items() if kind.always})
     for number, state in enumerate(emitted):
@@ -140,6 +144,7 @@ def restored(
     aurora._task = aurora._earlier_task = aurora._made = None
     waiting = _individuals(_named("waiting", arrays))
     aurora._waiting = waiting if waiting.rows else None
+    aurora._events = typed.array("q", arrays["events"].tobytes() if "events" in arrays else b"")
     _ask_again(aurora, values, _individuals(_named("pending", arrays)))
     return aurora
 

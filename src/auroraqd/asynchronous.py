@@ -1,0 +1,127 @@
+"""Asynchronous running: a worker that is free gets new offspring of the archive as it is then, and waits for nobody.
+
+Robots and simulators do not end together, and a generation lasts as long as the slowest of its individuals. Here individuals
+are told as they come, and `batch_size` of them are a generation: schedules, records and callbacks count as ever. What comes
+when depends on the workers, so the order is kept: a run is repeated bit for bit by `replay`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auroraqd.emitters.proposal import Event, Proposal
+from auroraqd.tasks import Evaluation, TaskError, evaluated, name_of
+
+if TYPE_CHECKING:
+    from auroraqd.aurora import Aurora
+    from auroraqd.callbacks.base import Callbacks
+    from auroraqd.running import Budget
+
+
+def run(aurora: Aurora, task: Any, budget: Budget, known: np.ndarray | None, callbacks: Callbacks) -> None:
+    """Evaluate on the workers of a task until the budget is used up, or a callback says so.
+
+    What is out when a callback says so, or something is raised, stays asked for: the next call has it evaluated.
+    """
+    seeded = getattr(task, "seeded", False)
+    name = name_of(task)
+    with task.stream() as stream:
+
+        def submit(proposal: Proposal) -> None:
+            stream.submit(proposal.ticket, proposal.genotype, proposal.seeds if seeded else None)
+
+        for proposal in aurora.out:  # of a call that ended before
+            submit(proposal)
+        while True:
+            try:
+                if known is not None:
+                    submit(aurora._ask(known, alone=False))
+                    known = None
+                while (n := min(stream.chunk, budget.left())) > 0 and stream.wanted:
+                    submit(aurora.ask(n))
+                if not stream.open:
+                    return
+                finished = stream.finished()
+            except (ValueError, RuntimeError) as error:
+                raise TaskError(f"task {name} at generation {aurora.generation}: {error}") from error
+            if _told(aurora, name, finished, callbacks):
+                return
+
+
+def _told(aurora: Aurora, name: str, finished: list[tuple[int, Evaluation]], callbacks: Callbacks) -> bool:
+    """Tell what is finished; returns whether the run is to stop."""
+    stop = False
+    for ticket, evaluation in finished:
+        before = aurora.generation
+        try:
+            aurora._check_as_before(evaluation)
+        except ValueError as error:
+            raise TaskError(f"task {name} at generation {aurora.generation}: {error}") from error
+        aurora.tell(*evaluation, ticket=ticket)
+        if aurora._hopeless:
+            raise aurora._no_hope(name)
+        stop = (aurora.generation > before and callbacks.generation(aurora)) or stop
+    return stop
+
+
+def replay(
+    aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callback: Callable[[Aurora], Any] | None = None
+) -> None:
+    """Do again what a run did, in the order in which it was done there.
+
+    Args:
+        aurora: as that one was made, at its beginning.
+        task: of that one, or over any workers: results must not depend on them.
+        events: of that one, (n, 2); see `Aurora.events`.
+        callback: called after each generation; when it returns True, it ends.
+
+    Raises:
+        TaskError: the task raised, or returned something else than promised.
+        ValueError: the events are of another run.
+    """
+    seeded = getattr(task, "seeded", False)
+    proposals: dict[int, Proposal] = {}  # by their numbers
+    known: dict[int, Evaluation] = {}  # by ticket: what has been evaluated and not told
+    waiting: list[Proposal] = []
+    invalid: list[int] = []
+    for kind, value in np.asarray(events).tolist():
+        before = aurora.generation
+        if kind == Event.ASKED:
+            proposal = aurora.ask(value)
+            proposals[proposal.ticket - aurora._ticket_base] = proposal
+            waiting.append(proposal)
+        elif kind == Event.ALONE:
+            for _ in range(value):
+                genotypes = aurora.ask()
+                where = f"at generation {aurora.generation}"
+                aurora.tell(*evaluated(task, genotypes, aurora.seeds if seeded else None, where))
+        elif kind == Event.INVALID:
+            invalid.append(value)
+        elif value not in proposals:
+            raise ValueError(f"events must be those of a run like this one, and there is no proposal {value} in it")
+        elif kind == Event.WITHDRAWN:
+            aurora.withdraw(proposals.pop(value).ticket)
+        else:
+            proposal = proposals.pop(value)
+            if proposal.ticket not in known:
+                known.update(_evaluated(task, waiting, seeded, f"at generation {aurora.generation}"))
+                waiting = []
+            evaluation = known.pop(proposal.ticket)
+            fitness = evaluation.fitness.copy()
+            fitness[[number - proposal.first for number in invalid]] = np.nan
+            invalid = []
+            aurora.tell(fitness, evaluation.observation, evaluation.ground_truth, ticket=proposal.ticket)
+        if aurora.generation > before and callback is not None and callback(aurora) is True:
+            return
+
+
+def _evaluated(task: Callable, proposals: list[Proposal], seeded: bool, when: str) -> dict[int, Evaluation]:
+    """The evaluations of proposals, at once, by their tickets."""
+    seeds = np.concatenate([proposal.seeds for proposal in proposals]) if seeded else None
+    together = evaluated(task, np.concatenate([proposal.genotype for proposal in proposals]), seeds, when)
+    ends = np.cumsum([len(proposal.genotype) for proposal in proposals])[:-1]
+    parts = [[None] * len(proposals) if column is None else np.split(column, ends) for column in together]
+    return {p.ticket: Evaluation(*columns) for p, *columns in zip(proposals, *parts, strict=True)}
