@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
+import commands
 import numpy as np
 import pytest
 import robots
@@ -291,13 +292,7 @@ def test_a_worker_of_a_cluster_that_is_killed_midway(cluster):
 
 
 def command(*arguments, code=0):
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "auroraqd.cli", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    done = commands.cli(*arguments)
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return " ".join((done.stdout + done.stderr).split())
@@ -457,7 +452,7 @@ def test_a_pool_of_mpi(tmp_path):
         [mpiexec, "-n", "3", sys.executable, "-m", "mpi4py.futures", script, tmp_path, "2"],
         capture_output=True,
         text=True,
-        timeout=400,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

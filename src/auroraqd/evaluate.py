@@ -284,6 +284,8 @@ class _Batch:
             spread._trust.met_all()
         elsewhere = spread._trust.elsewhere(piece.failed_on)
         pause = min(max(spread._seconds or 0.0, _PAUSE[0]), _PAUSE[1])
+        for _ in range(piece.declined // 2 % spread._workers):  # two that leave to each other what comes back to them, in step
+            executor.submit(time.sleep, pause)
         submit = getattr(executor, "submit_elsewhere", lambda _, *arguments: executor.submit(*arguments))
         return submit(elsewhere, work_on, spread._content, spread.__name__, work, elsewhere, pause)
 
