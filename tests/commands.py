@@ -87,6 +87,6 @@ def _become(line: list[str], folder: str, environment: dict[str, str], files: li
 
 
 if __name__ == "__main__":
-    for name in ("checkpoints", "cli", "evaluate", "experiments", "metrics", "repertoire", "report"):
+    for name in ("autoencoder", "checkpoints", "cli", "evaluate", "experiments", "metrics", "repertoire", "report", "training"):
         import_module(f"auroraqd.{name}")
     _serve()

@@ -316,7 +316,10 @@ class _Batch:
             return False
         except (Exception, CancelledError) as error:
             piece, _ = self._running.pop(future)
-            self._failed(piece, f"{type(error).__name__}: {error}")
+            if self._alone:
+                self._failed(piece, f"{type(error).__name__}: {error}", suspect=True)
+            else:  # no exception of a task comes here: a worker is lost, perhaps to another piece that it was sent
+                self._suspects.append(piece)
             return True
         piece, _ = self._running.pop(future)
         spread._trust.met(answer.worker)
