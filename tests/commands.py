@@ -18,7 +18,8 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-CLI = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]  # for `subprocess`
+_WARNINGS = os.environ.get("AURORAQD_TESTS_WARNINGS", "error")  # "ignore": what old versions of dependencies warn of
+CLI = [sys.executable, "-W", _WARNINGS, "-m", "auroraqd.cli"]  # for `subprocess`
 _SECONDS = 300  # that a command may take
 _FORKS = sys.platform == "linux"
 
@@ -30,7 +31,7 @@ def python(*line: object, cwd: object = None, warned: bool = False) -> subproces
     """
     words, folder = list(map(str, line)), os.fspath(cwd or Path.cwd())  # pyright: ignore[reportArgumentType, reportCallIssue]
     if not _FORKS:
-        full = [sys.executable, *([] if warned else ["-W", "error"]), *words]
+        full = [sys.executable, *([] if warned else ["-W", _WARNINGS]), *words]
         return subprocess.run(full, capture_output=True, text=True, cwd=folder, timeout=_SECONDS, check=False)
     with tempfile.TemporaryDirectory() as place:
         files = [f"{place}/out", f"{place}/err"]
@@ -51,7 +52,7 @@ def cli(*arguments: object, cwd: object = None, warned: bool = False) -> subproc
 @cache
 def _server() -> subprocess.Popen:
     """That of this process; it ends when nobody can ask it any more."""
-    line = [sys.executable, "-W", "error", __file__]
+    line = [sys.executable, "-W", _WARNINGS, __file__]
     server = subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     atexit.register(server.communicate)
     return server
