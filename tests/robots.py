@@ -117,9 +117,10 @@ def took_mark(mark):
     """Whether this process is the first that wanted the mark: all or nothing of its name is there for the others to read."""
     me = f"{socket.gethostname()}:{os.getpid()}"
     own = mark.with_name(f"{mark.name}-{os.getpid()}")
-    own.write_text(me)
-    with suppress(FileExistsError):
-        os.link(own, mark)
+    if not mark.exists():  # once: a process that is killed while it writes must not leave an empty one
+        own.write_text(me)
+        with suppress(FileExistsError):
+            os.link(own, mark)
     return mark.read_text() == me
 
 

@@ -109,7 +109,7 @@ def test_learns_more_than_pca():
 
 
 def test_isometry_keeps_distances():
-    x = throws(600)
+    x = throws(250)
 
     def distortion(isometry):
         encoder = auroraqd.AutoEncoder(

@@ -5,11 +5,11 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 import warnings
 from pathlib import Path
 
+import commands
 import killed
 import numpy as np
 import pytest
@@ -23,7 +23,6 @@ from auroraqd.runs import checkpoints, folders
 
 TASK = auroraqd.tasks.Ballistic()
 PLAIN = ["--descriptor", "genotype"]  # which starts in half the time
-CLI = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
 
 
 def make(descriptor="pca", seed=1, **options):
@@ -31,8 +30,7 @@ def make(descriptor="pca", seed=1, **options):
 
 
 def run(*arguments):
-    command = [sys.executable, "-W", "error", killed.__file__, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    done = commands.python(killed.__file__, *arguments)
     assert done.returncode in (0, -signal.SIGKILL), done.stderr
     return done.returncode == 0
 
@@ -289,9 +287,7 @@ def test_two_at_once_in_a_folder(tmp_path):
     with auroraqd.Checkpoints(first, tmp_path):
         with pytest.raises(BlockingIOError, match="is in use: another process has a run there"):
             auroraqd.Checkpoints(second, tmp_path).__enter__()
-        done = subprocess.run(
-            [*CLI, "run", "ballistic", "-n", "2", "--out", tmp_path, "--overwrite"], capture_output=True, text=True, check=False
-        )
+        done = commands.cli("run", "ballistic", "-n", 2, "--out", tmp_path, "--overwrite")
         assert done.returncode == 1
         assert "is in use: another process has a run there" in " ".join(done.stderr.split())
         assert "Traceback" not in done.stderr
@@ -419,7 +415,7 @@ def test_a_checkpoint_that_lacks_something(tmp_path, damage):
 
 
 def command(*arguments, code=0):
-    done = subprocess.run([*CLI, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
+    done = commands.cli(*arguments)
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return " ".join((done.stderr if code else done.stdout + done.stderr).split())
@@ -438,7 +434,7 @@ def test_command_goes_on_and_further(tmp_path):
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
 def test_command_that_was_ended_goes_on(tmp_path, end):
     arguments = ["run", "ballistic", *PLAIN, "-n", 1500, "--batch-size", 100, "--no-figures", "--out", tmp_path / "ended"]
-    process = subprocess.Popen([*CLI, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process = subprocess.Popen([*commands.CLI, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 120
     while not (tmp_path / "ended" / "repertoire.safetensors").exists() and time.monotonic() < deadline:
         time.sleep(0.01)

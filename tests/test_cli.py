@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import commands
 import numpy as np
 import pytest
 from matplotlib import image
@@ -18,12 +19,11 @@ from auroraqd.cli import UserError, discover
 from auroraqd.experiments import settings
 from auroraqd.runs import folders
 
-COMMAND = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
 PLAIN = ["--descriptor", "genotype"]  # which starts in half the time
 
 
 def command(*arguments, cwd=None, ok=True):
-    done = subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+    done = commands.cli(*arguments, cwd=cwd)
     assert (done.returncode == 0) == ok, done.stdout + done.stderr
     return done
 
@@ -176,9 +176,7 @@ def test_run_with_an_autoencoder(tmp_path):
 )
 def test_a_descriptor_that_can_never_be_fitted_ends_the_run_with_a_sentence(tmp_path, options, message):
     """After ten more batches, each of which is said."""
-    warned = [sys.executable, *COMMAND[3:]]  # warnings are said
-    arguments = [*warned, "run", "ballistic", "-n", "50", "--batch-size", "20", *options]
-    done = subprocess.run(arguments, capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False)
+    done = commands.cli("run", "ballistic", "-n", 50, "--batch-size", 20, *options, cwd=tmp_path, warned=True)
     assert done.returncode == 1
     said = " ".join(done.stderr.split())
     assert "Traceback" not in said
@@ -224,7 +222,7 @@ def test_run_with_other_archives_and_pretrained(tmp_path, monkeypatch, options, 
 def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
     out = tmp_path / "run"
     process = subprocess.Popen(
-        [*COMMAND, "run", "ballistic", *PLAIN, "-n", "100000000", "--out", str(out), "--no-figures"],
+        [*commands.CLI, "run", "ballistic", *PLAIN, "-n", "100000000", "--out", str(out), "--no-figures"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -359,7 +357,7 @@ plain.n_genes = elsewhere.n_genes = leaves.n_genes = int(os.environ.get("GENES",
 """
 
 
-def test_tasks_of_ones_own_that_have_not_what_is_asked_for_or_do_what_they_must_not(tmp_path):
+def test_tasks_of_ones_own_that_have_not_what_is_asked_for_or_do_what_they_must_not(tmp_path, monkeypatch):
     (tmp_path / "other").mkdir()
     (tmp_path / "own.py").write_text(OWN.format(elsewhere=str(tmp_path / "other")))
     (tmp_path / "gone.py").write_text("import sys; sys.exit(0)")
@@ -379,10 +377,8 @@ def test_tasks_of_ones_own_that_have_not_what_is_asked_for_or_do_what_they_must_
     assert not any((tmp_path / "other").iterdir())
     assert "called sys.exit(0)" in command("run", "own:leaves", *small, cwd=tmp_path, ok=False).stderr
     assert "cannot be imported: SystemExit" in command("run", "gone:x", *small, cwd=tmp_path, ok=False).stderr
-    changed = subprocess.run(
-        [*COMMAND, "resume", "moved", "-n", "5"], cwd=tmp_path, env={**os.environ, "GENES": "3"}, capture_output=True, text=True
-    )
-    assert changed.returncode == 1
+    monkeypatch.setenv("GENES", "3")
+    changed = command("resume", "moved", "-n", 5, cwd=tmp_path, ok=False)
     assert "has 3 genes now, and the run in moved has 2" in " ".join(changed.stderr.split())
 
 

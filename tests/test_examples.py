@@ -1,10 +1,9 @@
 """Every example runs, on a small budget; and what the README says runs too."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -13,8 +12,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example(example, tmp_path):
-    command = [sys.executable, "-W", "error", example, "5"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False)
+    done = commands.python(example, 5, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "individuals" in done.stdout
 
@@ -35,8 +33,7 @@ def test_python_in_documents(document, tmp_path):
     for code in scripts:
         code = code.replace("generations=5000", "generations=20").replace("generations=500", "generations=20")
         (tmp_path / "script.py").write_text(code)  # a file: processes that it starts read it again
-        command = [sys.executable, "-W", "error", "script.py"]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False)
+        done = commands.python("script.py", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
 
 

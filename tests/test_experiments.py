@@ -3,11 +3,11 @@ import multiprocessing
 import os
 import signal
 import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
 
+import commands
 import numpy as np
 import pytest
 from matplotlib import image
@@ -449,13 +449,13 @@ def test_quickened_variants_build(tmp_path, monkeypatch):
         assert aurora.generation == 0
 
 
-COMMAND = [sys.executable, "-W", "error", "-m", "auroraqd.cli", "reproduce", "ballistic"]
+REPRODUCE = ["reproduce", "ballistic"]
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 def test_command_is_interrupted_and_goes_on(tmp_path):
     """Killed, then interrupted, then left alone: no process survives its parent, and no result is lost."""
-    arguments = [*COMMAND, "--variants", "pca-incremental,genotype", "--replications", "3", "--generations", "300"]
+    arguments = [*REPRODUCE, "--variants", "pca-incremental,genotype", "--replications", "3", "--generations", "300"]
     arguments += ["--out", str(tmp_path / "out"), "--jobs", "1"]
 
     def done():
@@ -464,7 +464,7 @@ def test_command_is_interrupted_and_goes_on(tmp_path):
 
     for end in (signal.SIGKILL, signal.SIGINT):
         before = done()
-        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process = subprocess.Popen([*commands.CLI, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         deadline = time.monotonic() + 120
         while done() == before and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -481,11 +481,12 @@ def test_command_is_interrupted_and_goes_on(tmp_path):
         assert not any(map(_alive, children))
     kept = done()
     assert 2 <= kept < 9
-    finished = subprocess.run(arguments, capture_output=True, text=True, timeout=300, check=False)
+    finished = commands.cli(*arguments)
     assert finished.returncode == 0, finished.stdout + finished.stderr
     assert f"{9 - kept} runs to do, {kept} done before" in finished.stdout
     assert done() == 9
-    again = subprocess.run(arguments, capture_output=True, text=True, timeout=300, check=True)
+    again = commands.cli(*arguments)
+    assert again.returncode == 0, again.stderr
     assert "0 runs to do, 9 done before" in again.stdout
     assert "Rank-sum tests" in again.stdout
 
@@ -516,7 +517,7 @@ def _alive(pid):
     ],
 )
 def test_mistakes_get_a_sentence(tmp_path, arguments, message):
-    done = subprocess.run([*COMMAND, *arguments, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False)
+    done = commands.cli(*REPRODUCE, *arguments, "--out", tmp_path / "out")
     assert done.returncode == 1
     assert message in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
@@ -524,12 +525,7 @@ def test_mistakes_get_a_sentence(tmp_path, arguments, message):
 
 
 def test_command_with_results_of_other_settings(experiment):
-    done = subprocess.run(
-        [*COMMAND, "--variants", "genotype", "--generations", "9", "--out", str(experiment)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = commands.cli(*REPRODUCE, "--variants", "genotype", "--generations", 9, "--out", experiment)
     assert done.returncode == 1
     assert "with other settings, generations 4 and not 9" in " ".join(done.stderr.split())
     assert folders.load_config(experiment / "runs" / "genotype-0")["generations"] == 4

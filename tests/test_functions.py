@@ -1,7 +1,6 @@
 import pickle
-import subprocess
-import sys
 
+import commands
 import numpy as np
 import pytest
 from hypothesis import given
@@ -208,14 +207,7 @@ class Robot:
 def command(folder, *arguments, code=0):
     (folder / "mine.py").write_text(MODULE)
     (folder / "broken.py").write_text("import nothing_like_it\n")
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "auroraqd.cli", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        timeout=300,
-        check=False,
-    )
+    done = commands.cli(*arguments, cwd=folder)
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return " ".join((done.stdout + done.stderr).split())

@@ -1,10 +1,11 @@
 import logging
 import pickle
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from ctypes.util import find_library
+from functools import partial
 
+import commands
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -414,9 +415,7 @@ def test_films_from_the_command_line(tmp_path):
         "from auroraqd.tasks import Gym\nswimmer = Gym('Swimmer-v5', steps=8, samples=4, positions=(0, 1, 2), noisy=True)\n"
     )
 
-    def command(*arguments):
-        line = [sys.executable, "-W", "error", "-m", "auroraqd.cli", *arguments]
-        return subprocess.run(line, capture_output=True, text=True, cwd=tmp_path, check=False)
+    command = partial(commands.cli, cwd=tmp_path)
 
     done = command("run", "mine:swimmer", "-n", "3", "--batch-size", "20", "--out", "run")
     assert done.returncode == 0, done.stderr

@@ -82,12 +82,19 @@ def test_kernels_are_kept_among_temporary_files_where_nothing_else_can_be_writte
 
 @pytest.mark.skipif(not works("unshare", "--mount"), reason="this container cannot mount")
 def test_it_runs_without_a_cache_where_not_even_temporary_files_can_be_written(folder):
-    code = (
-        "import auroraqd; auroraqd.Aurora(2, 'genotype', seed=0).ask(); print(auroraqd.tasks.Ballistic()([[0.5, 0.5]]).fitness)"
-    )
+    code = """
+import auroraqd, auroraqd.report
+auroraqd.Aurora(2, 'genotype', seed=0).ask()
+observation = auroraqd.tasks.Ballistic()([[0.5, 0.5], [0.6, 0.9]]).observation
+encoder = auroraqd.AutoEncoder(2, hidden=(4,), max_epochs=1, min_steps=1, repeats=1, random_state=0).fit(observation)
+print(encoder.transform(observation).shape)
+"""
     done = as_somebody(["-c", code], folder, "unshare", "--mount", "bash", "-c", FROZEN, "bash", str(folder))
     assert done.returncode == 0, done.stderr
+    assert done.stdout == "(2, 2)\n"
     assert done.stderr.count("compiled anew each time") == 1
+    assert "Traceback" not in done.stderr
+    assert "jax" not in done.stderr.lower()
     assert not list(folder.iterdir())
 
 

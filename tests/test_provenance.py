@@ -3,10 +3,10 @@
 import functools
 import importlib
 import json
-import subprocess
 import sys
 import warnings
 
+import commands
 import numpy as np
 import pytest
 
@@ -128,11 +128,10 @@ def test_damaged_provenance_is_none():
 
 def test_the_command_line(written, tmp_path):
     written()
-    run = [sys.executable, "-W", "error", "-m", "auroraqd.cli"]
     options = ["my_robots:robot", "--descriptor", "genotype", "-n", "3", "--out", "run", "--no-figures"]
 
     def command(*arguments):
-        done = subprocess.run([*run, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
+        done = commands.cli(*arguments, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         return done
 

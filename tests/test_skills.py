@@ -1,8 +1,8 @@
 import shutil
-import subprocess
 import sys
 from itertools import pairwise
 
+import commands
 import numpy as np
 import pytest
 from PIL import Image
@@ -31,9 +31,7 @@ def repertoire(folder):
 
 
 def command(arguments, code=0):
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "auroraqd.cli", *arguments], capture_output=True, text=True, check=False
-    )
+    done = commands.cli(*arguments)
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return " ".join(done.stdout.split()) if code == 0 else " ".join(done.stderr.split())

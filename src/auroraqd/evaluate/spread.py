@@ -278,6 +278,8 @@ class _Batch:
             spread._trust.met_all()
         elsewhere = spread._trust.elsewhere(piece.failed_on)
         pause = min(max(spread._seconds or 0.0, _PAUSE[0]), _PAUSE[1])
+        for _ in range(piece.declined // 2 % spread._workers):  # two that leave to each other what comes back to them, in step
+            executor.submit(time.sleep, pause)
         submit = getattr(executor, "submit_elsewhere", lambda _, *arguments: executor.submit(*arguments))
         return submit(elsewhere, work_on, spread._content, spread.__name__, work, elsewhere, pause)
 
@@ -323,7 +325,10 @@ class _Batch:
             return False
         except (Exception, CancelledError) as error:
             piece, _ = self._running.pop(future)
-            self._failed(piece, f"{type(error).__name__}: {error}")
+            if self._alone:
+                self._failed(piece, f"{type(error).__name__}: {error}", suspect=True)
+            else:  # no exception of a task comes here: a worker is lost, perhaps to another piece that it was sent
+                self._suspects.append(piece)
             return True
         piece, _ = self._running.pop(future)
         spread._trust.met(answer.worker)
