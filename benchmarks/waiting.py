@@ -2,8 +2,8 @@
 
     python benchmarks/waiting.py --workers 16
 
-Evaluations sleep, 0.05 s in the median, log-normally with sigma 1, so the workers need no cores of their own. Printed is the sum
-of the durations over workers times wall time, from the second generation on: when the workers are there.
+Evaluations sleep, 0.05 s in the median, log-normally with sigma 1, so the workers need no cores of their own. Printed is the
+sum of the durations over workers times wall time, from the second generation on, when the workers are there, to the end.
 """
 
 import argparse
