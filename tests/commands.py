@@ -88,6 +88,14 @@ def _become(line: list[str], folder: str, environment: dict[str, str], files: li
 
 
 if __name__ == "__main__":
-    for name in ("autoencoder", "checkpoints", "cli", "evaluate", "experiments", "metrics", "repertoire", "report", "training"):
+    for name in (
+        "cli",
+        "descriptors.autoencoder",
+        "descriptors.training",
+        "evaluate",
+        "experiments",
+        "report",
+        "runs.checkpoints",
+    ):
         import_module(f"auroraqd.{name}")
     _serve()

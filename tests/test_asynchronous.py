@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from commands import cli
 from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
 
@@ -181,3 +182,19 @@ def test_a_few_more_than_workers_are_out_where_evaluations_are_short(spread):
         spread._seconds = 5.0
         assert stream.wanted == 2
     spread._seconds = None
+
+
+def test_command_line(tmp_path):
+    line = ["run", "ballistic", "-n", 4, "--batch-size", 40, "--jobs", 2, "--asynchronous", "--no-figures"]
+    done = cli(*line, "--out", tmp_path / "one")
+    assert done.returncode == 0, done.stderr
+    done = cli("resume", tmp_path / "one", "-n", 6, "--jobs", 2, "--no-figures")
+    assert done.returncode == 0, done.stderr
+    done = cli("repeat", tmp_path / "one", "--out", tmp_path / "two", "--no-figures")
+    assert done.returncode == 0, done.stderr
+    one, two = (auroraqd.load(tmp_path / name) for name in ("one", "two"))
+    for name, column in one.columns.items():
+        assert_array_equal(column, two.columns[name])
+    done = cli("resume", tmp_path / "one", "-n", 8, "--no-figures")
+    assert done.returncode == 1
+    assert "an asynchronous run needs workers: give --jobs or --scheduler too" in " ".join(done.stderr.split())

@@ -95,6 +95,10 @@ def run(
     robust: Annotated[
         bool, typer.Option(help="Set observations far outside all others aside when the descriptor is fitted.")
     ] = True,
+    asynchronous: Annotated[
+        bool,
+        typer.Option("--asynchronous", help="Workers that are free get new work at once, and wait for nobody: with --jobs."),
+    ] = False,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
@@ -127,6 +131,7 @@ def run(
         capacity=capacity,
         survival=survival,
         robust=robust,
+        asynchronous=asynchronous,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
     _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
@@ -142,9 +147,12 @@ def repeat(
     checkpoint_every: CheckpointOption = 10.0,
     figures: FiguresOption = True,
 ) -> None:
-    """Run again with the settings of a run folder, from the start."""
+    """Run again with the settings of a run folder, from the start; individuals that came one by one, in the same order."""
+    from auroraqd.runs.folders import load_events
+
     settings = _settings_in(folder)
-    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
+    events = load_events(folder) if settings.asynchronous else None
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout), events)
 
 
 def resume(
@@ -223,11 +231,12 @@ def _run(
     figures: bool,
     every: float = 10.0,
     spread_over: "Callable[[Any], Spread] | None" = None,
+    events: Any = None,
 ) -> None:
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, every, spread_over, overwrite=overwrite)
+    _grow(task, aurora, settings, out, figures, every, spread_over, overwrite=overwrite, events=events)
 
 
 def _grow(
@@ -240,12 +249,20 @@ def _grow(
     spread_over: "Callable[[Any], Spread] | None",
     *,
     overwrite: bool = False,
+    events: Any = None,
 ) -> None:
-    """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found."""
+    """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found.
+
+    With the `events` of another run, do them again.
+    """
+    from auroraqd import asynchronous
     from auroraqd._compiled import compiling
+    from auroraqd.callbacks.base import Callbacks
     from auroraqd.callbacks.progress import RunProgress, training_told
     from auroraqd.runs.checkpoints import LOCK, Checkpoints
 
+    if settings.asynchronous and spread_over is None and events is None:
+        raise UserError("an asynchronous run needs workers: give --jobs or --scheduler too")
     failure: BaseException | None = None
     here = Path.cwd()
     bold = (settings.task, "bold"), (settings.descriptor, "bold")
@@ -268,7 +285,15 @@ def _grow(
             progress = RunProgress(console, settings.generations, aurora.evaluations)
             workers = nullcontext(task) if spread_over is None else spread_over(task)
             with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
-                aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
+                if events is not None:
+                    asynchronous.replay(aurora, spread, events, Callbacks([progress, checkpoints]).generation)
+                else:
+                    aurora.run(
+                        spread,
+                        until_generation=settings.generations,
+                        callback=(progress, checkpoints),
+                        asynchronous=settings.asynchronous,
+                    )
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     os.chdir(here)  # a task may have changed it

@@ -24,7 +24,7 @@ from auroraqd.tasks.noise import seeds_of
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
-_SINCE = {"survival": SURVIVAL, "robust": True}  # settings that those of version 0.2.0 have not
+_SINCE = {"survival": SURVIVAL, "robust": True, "asynchronous": False}  # settings that those of version 0.2.0 have not
 _COMPETITION = ("k", "epsilon", "competition", "capacity", "l")
 
 
@@ -134,6 +134,7 @@ class Settings:
         selection, variation, resolution, schedule, archive: strategies.
         l, k, epsilon, competition, capacity: of an unstructured archive; l only matters where the resolution never sets it.
         survival, robust: what updates of the descriptor must leave, and what they set aside; see `auroraqd.Aurora`.
+        asynchronous: whether workers do not wait for each other; see `auroraqd.asynchronous`.
     """
 
     task: str = "ballistic"
@@ -155,6 +156,7 @@ class Settings:
     capacity: int | None = None
     survival: float = SURVIVAL
     robust: bool = True
+    asynchronous: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.task, str):
@@ -175,6 +177,8 @@ class Settings:
         number("survival", self.survival, most=1, wanted="a share, from 0 to 1")
         if not isinstance(self.robust, bool):
             raise ValueError(f"robust must be true or false, got {self.robust!r}")
+        if not isinstance(self.asynchronous, bool):
+            raise ValueError(f"asynchronous must be true or false, got {self.asynchronous!r}")
         for name in ("components", "generations", "batch_size"):
             whole(name, getattr(self, name))
         whole("seed", self.seed, least=0, most=MOST_SEED)

@@ -278,6 +278,19 @@ def load_history(folder: str | os.PathLike) -> list[Record]:
     return read_table(_existing(folder, HISTORY), Record)
 
 
+def load_events(folder: str | os.PathLike) -> np.ndarray:
+    """What happened in which order in a run that was told in parts, (n, 2); see `auroraqd.Aurora.events`.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: it is damaged.
+    """
+    events, error = _last(folder, lambda arrays, _: arrays.get("events", np.empty((0, 2), np.int64)))
+    if error is not None:
+        raise error
+    return events
+
+
 @cache
 def environment() -> Mapping[str, Any]:
     """What bit-for-bit repetition depends on besides the settings. Asked once: it takes as long as a small checkpoint."""
