@@ -60,7 +60,7 @@ def _told(aurora: Aurora, name: str, finished: list[tuple[int, Evaluation]], cal
             aurora._check_as_before(evaluation)
         except ValueError as error:
             raise TaskError(f"task {name} at generation {aurora.generation}: {error}") from error
-        aurora.tell(*evaluation, ticket=ticket)
+        aurora._tell_checked(evaluation, aurora._asked_for(ticket))
         if aurora._hopeless:
             raise aurora._no_hope(name)
         stop = (aurora.generation > before and callbacks.generation(aurora)) or stop

@@ -244,7 +244,9 @@ class Aurora:
                 if len(self.archive) == 0 and not getattr(emitter, "starts", False):
                     made.append(_without_parents(self._rng.random((count, self.n_genes))))
                 else:
-                    found = self._checked_offspring(emitter, count, emitter.ask(self.archive, count, self._rng))
+                    found = emitter.ask(self.archive, count, self._rng)
+                    if type(emitter) is not Genetic:  # which looks at its own
+                        found = self._checked_offspring(emitter, count, found)
                     made.append((*found, np.full(count, which)))
         if len(made) == 1:
             return made[0]
@@ -322,12 +324,16 @@ class Aurora:
         asked = self._asked_for(ticket)
         evaluation = checked(Evaluation(fitness, observation, ground_truth), len(asked.proposal.genotype))
         self._check_as_before(evaluation)
+        return self._tell_checked(evaluation, asked)
+
+    def _tell_checked(self, evaluation: Evaluation, asked: Asked) -> np.ndarray:
+        """As `tell`, of arrays that have been checked."""
         was_full = self.archive.full
         status = self._told(asked, evaluation)
         if self.archive.full and not was_full:
             warnings.warn(
                 f"the archive is full ({len(self.archive)} individuals): from now on, one is stored only in another's place",
-                stacklevel=2,
+                stacklevel=3,
             )
         return status
 
@@ -478,14 +484,17 @@ class Aurora:
 
     def _check_as_before(self, evaluation: Evaluation) -> None:
         """Raise ValueError when the columns do not match those of the individuals told before."""
-        before = self._waiting if self._waiting is not None else self.archive.columns if len(self.archive) else None
-        if before is None:
+        if self._waiting is not None:
+            observation, truth = self._waiting["observation"], self._waiting.get("ground_truth")
+        elif len(self.archive):
+            observation, truth = self.archive.observation, self.archive.ground_truth
+        else:
             return
-        if (evaluation.ground_truth is None) != ("ground_truth" not in before):
+        if (evaluation.ground_truth is None) != (truth is None):
             raise ValueError("ground_truth must be given for every generation or for none")
-        for name in ("observation", "ground_truth"):
-            if name in before:
-                check_like(name, getattr(evaluation, name), before[name])
+        check_like("observation", evaluation.observation, observation)
+        if truth is not None:
+            check_like("ground_truth", evaluation.ground_truth, truth)
 
     def _told(self, asked: Asked, evaluation: Evaluation) -> np.ndarray:
         """Individuals that were evaluated: update if it is time, add, credit, record. Raises before it changes anything."""
@@ -526,7 +535,7 @@ class Aurora:
                 described = _described(individuals, self._descriptor)
             said = self._try_again(refusal, tried=update is not None)
             status = self._added(batch, described, valid)
-            self.archive.credit(batch["parent"], status)
+            self.archive.credited(batch["parent"], status)
             alone = update is not None and refusal is None and update.l is None and self.resolution is not None
             self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
             self._recall(asked, status[-n:])
@@ -555,7 +564,7 @@ class Aurora:
         """Add those that are valid, (n,) of the batch, and tell the emitters what became of all."""
         info = Info(np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1), np.empty(0, np.int64))
         if described.rows:
-            found = self.archive.insert(described, np.ones(described.rows, bool))
+            found = self.archive.insert(described, True)
             if found.status.shape == valid.shape:
                 info = found
             else:
@@ -694,7 +703,7 @@ def _described(individuals: Columns, descriptor: Descriptor) -> Columns:
         return Columns({})
     values, error = descriptor.describe(individuals)
     found = {"descriptor": values} if error is None else {"descriptor": values, "reconstruction_error": error}
-    return individuals.without("emitter") | found
+    return Columns({**{name: column for name, column in individuals.items() if name != "emitter"}, **found})
 
 
 def _without_parents(genotype: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -59,7 +59,7 @@ def _generation(aurora: Aurora, task: Callable, callbacks: Callbacks) -> bool:
         aurora._check_as_before(evaluation)
     except ValueError as error:
         raise TaskError(f"task {name_of(task)} at generation {aurora.generation}: {error}") from error
-    aurora.tell(*evaluation)
+    aurora._tell_checked(evaluation, aurora._asked_for(None))
     if aurora._hopeless:
         raise aurora._no_hope(name_of(task))
     return callbacks.generation(aurora)

@@ -164,6 +164,7 @@ class Archive(Individuals, ABC):
         if held.rows and not self._apart(held["descriptor"]):
             raise ValueError("descriptor must be such that individuals can be stored beside each other, and some cannot")
         try:
+            where.reserve(int(ids.max(initial=-1)) + 1)
             where.set(ids, np.arange(held.rows))
         except (MemoryError, ValueError, OverflowError):
             raise ValueError(f"id must be small enough to keep account of, got {ids.max()}") from None
@@ -224,8 +225,8 @@ class Archive(Individuals, ABC):
         valid = finite_rows(batch["fitness"]) & finite_rows(batch["observation"])
         return self.insert(batch, valid).status
 
-    def insert(self, batch: Columns, valid: np.ndarray) -> Info:
-        """As `add`, of columns that are arrays of numbers already; `valid`, (n,) bool: fitness and observation are finite."""
+    def insert(self, batch: Columns, valid: np.ndarray | bool) -> Info:
+        """As `add`, of arrays that have been looked at; `valid`, (n,) bool, or all: fitness and observation are finite."""
         with self._lock, uninterrupted():
             self._check(batch)
             return self._insert(batch, valid & finite_rows(batch["descriptor"]))
@@ -239,26 +240,28 @@ class Archive(Individuals, ABC):
         return Info(status, row, removed)
 
     def _insert_valid(self, batch: Columns) -> Info:
-        ids = np.arange(self._next_id, self._next_id + batch.rows)  # there may be fewer in the end
-        batch = batch | {"curiosity": np.zeros(batch.rows), "id": ids}
-        batch = batch | {name: np.zeros(batch.rows, dtype) for name, dtype in self.own.items()}
-        if len(self) == 0:
+        size, n = len(self), batch.rows
+        ids = np.arange(self._next_id, self._next_id + n)  # there may be fewer in the end
+        batch = batch | {"curiosity": np.zeros(n), "id": ids, **{name: np.zeros(n, kind) for name, kind in self.own.items()}}
+        if size == 0:
             self._population = Population(batch)
             self.reindex()
         status, row, evicted = self._decide(batch)
         stored = np.flatnonzero(row >= 0)
-        target, batch = row[stored], batch.take(stored)
-        ids = ids[: len(stored)]
-        before = target < len(self)
-        removed = self._population["id"][target[before]]
-        self._population.write(target, batch | {"id": ids}, len(self) + int(np.count_nonzero(status == NEW)))
+        target, ids = row[stored], ids[: len(stored)]
+        removed = self._population["id"][target[target < size]]
+        coming = {name: column.take(stored, axis=0) for name, column in batch.items()}
+        coming["id"] = ids
+        self._population.write(target, coming, size + int(np.count_nonzero(status == NEW)))
         self._next_id += len(stored)
+        self._where.reserve(self._next_id)
         last = self._population["id"][target] == ids  # others of the batch may have taken the place since
         if not last.all():
-            removed = np.concatenate([np.unique(removed[removed < ids[0]]), ids[~last]])
+            removed = np.concatenate([np.unique(removed), ids[~last]])
             row[stored[~last]] = -1
-        self._where.set(removed, np.full(len(removed), -1))
-        self._where.set(ids[last], target[last])
+            target, ids = target[last], ids[last]
+        self._where.set(removed, -1)
+        self._where.set(ids, target)
         return Info(status, row, removed) if len(evicted) == 0 else self._evicted(Info(status, row, removed), evicted)
 
     def _evicted(self, info: Info, evicted: np.ndarray) -> Info:
@@ -268,7 +271,7 @@ class Archive(Individuals, ABC):
         removed = self._population["id"][gone]
         place = np.where(gone, -1, np.cumsum(~gone) - 1)
         self._population.gather(np.flatnonzero(~gone))
-        self._where.set(removed, np.full(len(removed), -1))
+        self._where.set(removed, -1)
         self._where.set(self.id, np.arange(len(self)))
         row = np.where(info.row < 0, -1, place[info.row])
         self.reindex()
@@ -361,7 +364,7 @@ class Archive(Individuals, ABC):
 
     def _rearrange(self, source: np.ndarray, new: Columns) -> None:
         """Keep the rows `source`, in this order, with new columns instead of those they had."""
-        self._where.set(self.id, np.full(len(self), -1))
+        self._where.set(self.id, -1)
         self._population.gather(source)
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
@@ -391,19 +394,38 @@ class Archive(Individuals, ABC):
             raise ValueError(f"parent_ids and status must have one shape (n,), got {ids.shape} and {status.shape}")
         if not ((status >= INVALID) & (status <= REPLACED)).all():
             raise ValueError(f"status must be what add returned, from {INVALID} to {REPLACED}, got {shown(status)}")
+        self.credited(np.ascontiguousarray(ids), np.ascontiguousarray(status, np.int8))
+
+    def credited(self, parent_ids: np.ndarray, status: np.ndarray) -> None:
+        """As `credit`, of contiguous arrays, (n,) int64 and int8, that are what they must be."""
         if len(self) == 0:
             return
         with self._lock, uninterrupted():
-            curiosity = self._population.raw("curiosity")
-            _credit(curiosity, np.ascontiguousarray(self._where.of(ids)), np.ascontiguousarray(status, np.int8))
+            _credit(self._population.raw("curiosity"), self._where.places, parent_ids, status)
 
 
 @compiled(nogil=True)
-def _credit(curiosity, rows, status):
-    """Add what each child earns, (m,) status, to the curiosity of its parent, in this row if that is not -1."""
-    for i in range(rows.shape[0]):
-        if rows[i] >= 0:
-            curiosity[rows[i]] += _STORED_CREDIT if status[i] > REJECTED else _UNSTORED_CREDIT
+def _credit(curiosity, places, ids, status):
+    """Add what each child earns, (m,) status, to the curiosity of its parent, (m,) ids, if that has a place; see `Rows`."""
+    for i in range(ids.shape[0]):
+        if 0 <= ids[i] < places.shape[0] and places[ids[i]] > 0:
+            curiosity[places[ids[i]] - 1] += _STORED_CREDIT if status[i] > REJECTED else _UNSTORED_CREDIT
+
+
+@compiled(nogil=True)
+def _sound(status, row, size):
+    """Whether rows, (n,) int64, are those of new, replaced and rejected individuals, in order; (n,) int8 status."""
+    for i in range(status.shape[0]):
+        if status[i] == NEW:
+            if row[i] != size:
+                return False
+            size += 1
+        elif status[i] == REPLACED:
+            if not 0 <= row[i] < size:
+                return False
+        elif status[i] != REJECTED or row[i] != -1:
+            return False
+    return True
 
 
 def _problem(placement: Placement, n: int, size: int) -> str | None:
@@ -412,6 +434,8 @@ def _problem(placement: Placement, n: int, size: int) -> str | None:
         if not isinstance(column, np.ndarray) or column.shape != (n,) or column.dtype.kind not in "iu":
             return f"must return {name} as whole numbers of shape ({n},), got {shown(column)}"
     status, row, evicted = placement
+    if len(evicted) == 0 and _sound(status.astype(np.int8, copy=False), row.astype(np.int64, copy=False), size):
+        return None
     if not ((status >= REJECTED) & (status <= REPLACED)).all():
         return f"must return a status of {REJECTED}, {NEW} or {REPLACED} for each, got {shown(np.unique(status))}"
     new = status == NEW

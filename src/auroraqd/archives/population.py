@@ -3,6 +3,8 @@
 Columns take their shape and dtype from the first individuals, so images stay uint8.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from auroraqd.individuals import Columns
@@ -41,7 +43,7 @@ class Population:
         """The whole array of a column, unused rows included, for kernels that write. Invalid after `write`."""
         return self._columns[name]
 
-    def write(self, target: np.ndarray, rows: Columns, size: int) -> None:
+    def write(self, target: np.ndarray, rows: Mapping[str, np.ndarray], size: int) -> None:
         """Write rows at these places, and have `size` in all. Of several rows for one place, the last stays."""
         self._reserve(size)
         for name, values in rows.items():
@@ -76,12 +78,20 @@ class Rows:
     def __init__(self) -> None:
         self._row = np.zeros(0, np.int32)  # and one more, so that 0 is nowhere: memory that nobody writes to costs nothing
 
-    def set(self, ids: np.ndarray, rows: np.ndarray) -> None:
-        """These individuals, (n,), are in these rows, or nowhere where that is -1."""
-        if len(ids) and ids.max() >= len(self._row):
-            grown = np.zeros(max(int(ids.max()) + 1, 2 * len(self._row)), np.int32)
+    @property
+    def places(self) -> np.ndarray:
+        """By id: the row and one more, 0 for nowhere."""
+        return self._row
+
+    def reserve(self, most: int) -> None:
+        """Make room for ids below this number."""
+        if most > len(self._row):
+            grown = np.zeros(max(most, 2 * len(self._row)), np.int32)
             grown[: len(self._row)] = self._row
             self._row = grown
+
+    def set(self, ids: np.ndarray, rows: np.ndarray | int) -> None:
+        """These individuals, (n,), for which there is room, are in these rows; or nowhere, for -1."""
         self._row[ids] = rows + 1
 
     def of(self, ids: np.ndarray) -> np.ndarray:
