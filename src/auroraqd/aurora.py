@@ -137,6 +137,7 @@ class Aurora:
         self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
         self._until = 0.0  # the time up to which they are counted
+        self._latest: tuple[Columns, Info] | None = None  # told and added, in this process
         self._task: dict[str, Any] | None = None  # what it was, as `auroraqd.provenance` describes it
         self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
 
@@ -327,6 +328,14 @@ class Aurora:
         return [asked.proposal for asked in self._asked.values() if not asked.alone]
 
     @property
+    def latest(self) -> tuple[Columns, Info] | None:
+        """The individuals told last, as `Columns`, the descriptor of invalid ones NaN, and what became of them.
+
+        None before there are any. Those that wait for the first fit of the descriptor are among them once it is fitted.
+        """
+        return self._latest
+
+    @property
     def pending(self) -> np.ndarray | None:
         """The genotypes of the batch asked for and not told yet, (n, n_genes), or None."""
         return None if self._current is None else self._asked[self._current].proposal.genotype.copy()
@@ -515,21 +524,13 @@ class Aurora:
             else:
                 info.status[valid], info.row[valid] = found.status, found.row
                 info = info._replace(removed=found.removed)
+        told = _all_of(batch, described, valid)
+        self._latest = told, info
         for which, emitter in enumerate(self._emitters.emitters):
-            if hasattr(emitter, "tell"):
-                self._tell(emitter, batch["emitter"] == which, batch, described, valid, info)
+            rows = batch["emitter"] == which
+            if hasattr(emitter, "tell") and rows.any():
+                emitter.tell(self.archive, told.take(rows), Info(info.status[rows], info.row[rows], info.removed))
         return info.status
-
-    def _tell(self, emitter: Any, rows: np.ndarray, batch: Columns, described: Columns, valid: np.ndarray, info: Info) -> None:
-        """Tell an emitter what became of its rows, (n,) bool of the batch."""
-        if not rows.any():
-            return
-        d = described["descriptor"].shape[1] if "descriptor" in described else 0
-        descriptor = np.full((batch.rows, d), np.nan)
-        if d:
-            descriptor[valid] = described["descriptor"]
-        told = (batch.without("emitter") | {"descriptor": descriptor}).take(rows)
-        emitter.tell(self.archive, told, Info(info.status[rows], info.row[rows], info.removed))
 
     def _done(self, asked: Asked, status: np.ndarray, rmse: float) -> None:
         """Count individuals that were given this status, and whose own had this error; record the generation if it is one."""
@@ -639,6 +640,15 @@ def _described(individuals: Columns, descriptor: Descriptor) -> Columns:
     values, error = descriptor.describe(individuals)
     found = {"descriptor": values} if error is None else {"descriptor": values, "reconstruction_error": error}
     return individuals.without("emitter") | found
+
+
+def _all_of(batch: Columns, described: Columns, valid: np.ndarray) -> Columns:
+    """A batch with its descriptors, NaN where they are not valid, (n,) bool."""
+    d = described["descriptor"].shape[1] if "descriptor" in described else 0
+    descriptor = np.full((batch.rows, d), np.nan)
+    if d:
+        descriptor[valid] = described["descriptor"]
+    return batch.without("emitter") | {"descriptor": descriptor}
 
 
 def _without_parents(genotype: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

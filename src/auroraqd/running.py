@@ -12,7 +12,7 @@ import numpy as np
 
 from auroraqd._checks import number, whole
 from auroraqd.callbacks.base import Callbacks
-from auroraqd.tasks import TaskError, evaluated, name_of
+from auroraqd.tasks import Evaluation, TaskError, evaluated, name_of
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
@@ -45,7 +45,7 @@ def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | Non
             aurora.check_as_before(evaluation)
         except ValueError as error:
             raise TaskError(f"task {name_of(task)} at generation {aurora.generation}: {error}") from error
-        aurora.tell(*evaluation)
+        _tell(aurora, callbacks, evaluation)
         if aurora.hopeless:
             raise TaskError(
                 f"task {name_of(task)} gave no valid individual in {aurora.generation} generations: fitness or observation was "
@@ -53,6 +53,16 @@ def _run(aurora: Aurora, task: Callable, budget: Budget, known: np.ndarray | Non
             )
         if callbacks.generation(aurora):
             break
+
+
+def _tell(aurora: Aurora, callbacks: Callbacks, evaluation: Evaluation, ticket: int | None = None) -> None:
+    """Tell a run, and then the callbacks, what individuals did; also if it is interrupted between the two."""
+    before = aurora.latest
+    try:
+        aurora.tell(*evaluation, ticket=ticket)
+    finally:
+        if aurora.latest is not None and aurora.latest is not before:
+            callbacks.told(aurora, *aurora.latest)
 
 
 class Budget:

@@ -29,7 +29,19 @@ _LATER = ("_next_evaluation", "_current")  # likewise, but following from the re
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
 _TASKS = ("_task", "_earlier_task")  # in config.json: equal runs have equal states, also of tasks that tell their address
 _TIMES = ("_seconds", "_until")
-_OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", "_waiting", "_asked", "_emitters", "_attempts", *_TASKS)
+_OTHERS = (
+    "archive",
+    *_STRATEGIES,
+    "history",
+    "_rng",
+    "_descriptor",
+    "_waiting",
+    "_asked",
+    "_emitters",
+    "_attempts",
+    "_latest",
+    *_TASKS,
+)
 
 FIELDS = {*_PLAIN, *_SINCE, *_LATER, *_TIMES, *_OTHERS}
 """All attributes of `Aurora` that are kept, or derived again. What users add to theirs is not kept."""
@@ -137,7 +149,7 @@ def restored(
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
     aurora._until = 0.0
-    aurora._task = aurora._earlier_task = None
+    aurora._task = aurora._earlier_task = aurora._latest = None
     waiting = _individuals(_named("waiting", arrays))
     aurora._waiting = waiting if waiting.rows else None
     _ask_again(aurora, values, _individuals(_named("pending", arrays)))
