@@ -3,7 +3,7 @@
 import copy
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +16,7 @@ from auroraqd.cli._shared import (
     CheckpointOption,
     FiguresOption,
     JobsOption,
+    LogOption,
     OverwriteOption,
     SchedulerOption,
     TimeoutOption,
@@ -23,6 +24,7 @@ from auroraqd.cli._shared import (
     busy,
     console,
     errors,
+    loggers,
     spreading,
     warnings_said,
 )
@@ -30,6 +32,7 @@ from auroraqd.cli.show import report
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
+    from auroraqd.callbacks.loggers import Logger
     from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
 
@@ -99,6 +102,7 @@ def run(
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
+    log: LogOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Discover a repertoire of behaviours and keep it in a run folder.
@@ -129,7 +133,7 @@ def run(
         robust=robust,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
-    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout), loggers(log))
 
 
 def repeat(
@@ -140,11 +144,12 @@ def repeat(
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
+    log: LogOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start."""
     settings = _settings_in(folder)
-    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout), loggers(log))
 
 
 def resume(
@@ -159,6 +164,7 @@ def resume(
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
+    log: LogOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
@@ -167,7 +173,7 @@ def resume(
     """
     from auroraqd.runs import folders
 
-    settings = _settings_in(folder)
+    settings, logs = _settings_in(folder), loggers(log)
     if generations is not None:
         settings = replace(settings, generations=generations)
     with busy("loading"), warnings_said():
@@ -187,7 +193,7 @@ def resume(
             f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
             "--generations with a larger number goes on"
         )
-    _grow(task, aurora, settings, folder, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
+    _grow(task, aurora, settings, folder, figures, checkpoint_every, spreading(jobs, scheduler, timeout), logs)
 
 
 def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
@@ -223,11 +229,12 @@ def _run(
     figures: bool,
     every: float = 10.0,
     spread_over: "Callable[[Any], Spread] | None" = None,
+    logs: "Sequence[Logger]" = (),
 ) -> None:
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, every, spread_over, overwrite=overwrite)
+    _grow(task, aurora, settings, out, figures, every, spread_over, logs, overwrite=overwrite)
 
 
 def _grow(
@@ -238,6 +245,7 @@ def _grow(
     figures: bool,
     every: float,
     spread_over: "Callable[[Any], Spread] | None",
+    logs: "Sequence[Logger]" = (),
     *,
     overwrite: bool = False,
 ) -> None:
@@ -268,7 +276,7 @@ def _grow(
             progress = RunProgress(console, settings.generations, aurora.evaluations)
             workers = nullcontext(task) if spread_over is None else spread_over(task)
             with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
-                aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints))
+                aurora.run(spread, until_generation=settings.generations, callback=(progress, checkpoints, *logs))
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     os.chdir(here)  # a task may have changed it
