@@ -1,4 +1,4 @@
-from . import archives, callbacks, emitters, evaluate, metrics, report, tasks
+from . import archives, callbacks, emitters, evaluate, metrics, report, tasks, testing
 from .adaptation import Adaptation
 from .archives.base import Archive
 from .archives.cvt import CVTArchive, tessellate
@@ -53,4 +53,5 @@ __all__ = [
     "save",
     "tasks",
     "tessellate",
+    "testing",
 ]
