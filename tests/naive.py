@@ -363,3 +363,37 @@ def diversity(trajectories, bins, low=-1.0, high=1.0):
     for trajectory in trajectories:
         passed.setdefault(square(trajectory[-1]), set()).update(square(point) for point in trajectory)
     return sum(len(squares) for squares in passed.values()) / bins**2
+
+
+def cell(point, bins, low, high):
+    """The cell of a grid that a point is in, a place in each dimension; outside, the nearest."""
+    place = []
+    for x, n, a, b in zip(point, bins, low, high, strict=True):
+        share = (min(max(x, a), b) - a) / (b - a)
+        place.append(min(int(share * n), n - 1))
+    return tuple(place)
+
+
+def coverage(points, bins, low, high):
+    return len({cell(p, bins, low, high) for p in points}) / math.prod(bins)
+
+
+def qd_score(points, fitness, bins, low, high, offset):
+    best = {}
+    for point, f in zip(points, fitness, strict=True):
+        where = cell(point, bins, low, high)
+        best[where] = max(f, best.get(where, f))
+    return sum(f - offset for f in best.values())
+
+
+def soft_qd_score(points, fitness, sigma, h, margin=7):
+    """In one or two dimensions, by the midpoint rule with steps of h sigma."""
+    step = h * sigma
+    axes = []
+    for coordinates in zip(*points, strict=True):
+        start, end = min(coordinates) - margin * sigma, max(coordinates) + margin * sigma
+        axes.append([start + (i + 0.5) * step for i in range(int((end - start) / step) + 1)])
+    total = 0.0
+    for b in [(x,) for x in axes[0]] if len(axes) == 1 else [(x, y) for x in axes[0] for y in axes[1]]:
+        total += max(f * math.exp(-squared_distance(p, b) / (2 * sigma * sigma)) for p, f in zip(points, fitness, strict=True))
+    return total * step ** len(axes)

@@ -1,4 +1,4 @@
-from . import archives, emitters, evaluate, metrics, report, tasks
+from . import archives, callbacks, emitters, evaluate, metrics, report, tasks, testing
 from .adaptation import Adaptation
 from .archives.base import Archive
 from .archives.cvt import CVTArchive, tessellate
@@ -43,6 +43,7 @@ __all__ = [
     "Uniform",
     "UnstructuredArchive",
     "archives",
+    "callbacks",
     "emitters",
     "evaluate",
     "load",
@@ -52,4 +53,5 @@ __all__ = [
     "save",
     "tasks",
     "tessellate",
+    "testing",
 ]

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from auroraqd.callbacks.base import Callbacks
 from auroraqd.emitters.proposal import Event, Proposal
+from auroraqd.running import tell
 from auroraqd.tasks import Evaluation, TaskError, evaluated, name_of
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
-    from auroraqd.callbacks.base import Callbacks
     from auroraqd.running import Budget
 
 
@@ -56,32 +57,34 @@ def _told(aurora: Aurora, name: str, finished: list[tuple[int, Evaluation]], cal
     stop = False
     for ticket, evaluation in finished:
         before = aurora.generation
-        try:
-            aurora._check_as_before(evaluation)
-        except ValueError as error:
-            raise TaskError(f"task {name} at generation {aurora.generation}: {error}") from error
-        aurora._tell_checked(evaluation, aurora._asked_for(ticket))
-        if aurora._hopeless:
-            raise aurora._no_hope(name)
+        tell(aurora, name, evaluation, callbacks, ticket)
         stop = (aurora.generation > before and callbacks.generation(aurora)) or stop
     return stop
 
 
-def replay(
-    aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callback: Callable[[Aurora], Any] | None = None
-) -> None:
+def replay(aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callback: Any = None) -> None:
     """Do again what a run did, in the order in which it was done there.
 
     Args:
         aurora: as that one was made, at its beginning.
         task: of that one, or over any workers: results must not depend on them.
         events: of that one, (n, 2); see `Aurora.events`.
-        callback: called after each generation; when it returns True, it ends.
+        callback: as in `Aurora.run`.
 
     Raises:
         TaskError: the task raised, or returned something else than promised.
         ValueError: the events are of another run.
     """
+    callbacks = Callbacks(callback)
+    aurora._remember(task)
+    callbacks.start(aurora)
+    try:
+        _replay(aurora, task, events, callbacks)
+    finally:
+        callbacks.end(aurora)
+
+
+def _replay(aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callbacks: Callbacks) -> None:
     seeded = getattr(task, "seeded", False)
     proposals: dict[int, Proposal] = {}  # by their numbers
     known: dict[int, Evaluation] = {}  # by ticket: what has been evaluated and not told
@@ -97,7 +100,8 @@ def replay(
             for _ in range(value):
                 genotypes = aurora.ask()
                 where = f"at generation {aurora.generation}"
-                aurora.tell(*evaluated(task, genotypes, aurora.seeds if seeded else None, where))
+                evaluation = evaluated(task, genotypes, aurora.seeds if seeded else None, where)
+                tell(aurora, name_of(task), evaluation, callbacks)
         elif kind == Event.INVALID:
             invalid.append(value)
         elif value not in proposals:
@@ -113,8 +117,8 @@ def replay(
             fitness = evaluation.fitness.copy()
             fitness[[number - proposal.first for number in invalid]] = np.nan
             invalid = []
-            aurora.tell(fitness, evaluation.observation, evaluation.ground_truth, ticket=proposal.ticket)
-        if aurora.generation > before and callback is not None and callback(aurora) is True:
+            tell(aurora, name_of(task), evaluation._replace(fitness=fitness), callbacks, proposal.ticket)
+        if aurora.generation > before and callbacks.generation(aurora):
             return
 
 

@@ -47,7 +47,7 @@ from auroraqd.emitters.variation import Polynomial
 from auroraqd.history import History, Record
 from auroraqd.individuals import Columns, check_like
 from auroraqd.provenance import changed, described
-from auroraqd.tasks import Evaluation, TaskError, checked
+from auroraqd.tasks import Evaluation, checked
 
 SURVIVAL = 0.25
 """The default share of the stored that must survive an update. Updates of the paper's experiments keep 0.54 to 0.98 of them,
@@ -152,6 +152,7 @@ class Aurora:
         self._counts = dict.fromkeys(_STATUS_NAMES.values(), 0)
         self._seconds = 0.0
         self._until = 0.0  # the time up to which they are counted
+        self._latest: tuple[Columns, Columns, np.ndarray, Info] | None = None  # what was told last, in this process
         self._task: dict[str, Any] | None = None  # what it was, as `auroraqd.provenance` describes it
         self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
         self._made: dict[str, Any] | None = None  # by which commands, and when, as `auroraqd.provenance` has it; when saved
@@ -365,6 +366,14 @@ class Aurora:
         return [asked.proposal for asked in self._asked.values() if not asked.alone]
 
     @property
+    def latest(self) -> tuple[Columns, Info] | None:
+        """The individuals told last, as `Columns`, the descriptor of invalid ones NaN, and what became of them.
+
+        None before there are any. Those that wait for the first fit of the descriptor are among them once it is fitted.
+        """
+        return None if self._latest is None else (_all_of(*self._latest[:3]), self._latest[3])
+
+    @property
     def pending(self) -> np.ndarray | None:
         """The genotypes of the batch asked for and not told yet, (n, n_genes), or None."""
         return None if self._current is None else self._asked[self._current].proposal.genotype.copy()
@@ -468,12 +477,6 @@ class Aurora:
         """Whether many generations have not given one valid individual."""
         return self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations
 
-    def _no_hope(self, task: str) -> TaskError:
-        return TaskError(
-            f"task {task} gave no valid individual in {self.generation} generations: fitness or observation was NaN or "
-            f"infinite for all {self.evaluations} evaluations"
-        )
-
     def _checked_genotypes(self, name: str, genotypes: ArrayLike) -> np.ndarray:
         children = numbers(name, genotypes, f" of shape (n, {self.n_genes})").copy()
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
@@ -570,21 +573,15 @@ class Aurora:
             else:
                 info.status[valid], info.row[valid] = found.status, found.row
                 info = info._replace(removed=found.removed)
-        for which, emitter in enumerate(self._emitters.emitters):
-            if hasattr(emitter, "tell"):
-                self._tell(emitter, batch["emitter"] == which, batch, described, valid, info)
+        self._latest = batch, described, valid, info
+        listening = [which for which, emitter in enumerate(self._emitters.emitters) if hasattr(emitter, "tell")]
+        told = _all_of(batch, described, valid) if listening else batch
+        for which in listening:
+            rows = batch["emitter"] == which
+            if rows.any():
+                of_its_own = Info(info.status[rows], info.row[rows], info.removed)
+                self._emitters.emitters[which].tell(self.archive, told.take(rows), of_its_own)
         return info.status
-
-    def _tell(self, emitter: Any, rows: np.ndarray, batch: Columns, described: Columns, valid: np.ndarray, info: Info) -> None:
-        """Tell an emitter what became of its rows, (n,) bool of the batch."""
-        if not rows.any():
-            return
-        d = described["descriptor"].shape[1] if "descriptor" in described else 0
-        descriptor = np.full((batch.rows, d), np.nan)
-        if d:
-            descriptor[valid] = described["descriptor"]
-        told = (batch.without("emitter") | {"descriptor": descriptor}).take(rows)
-        emitter.tell(self.archive, told, Info(info.status[rows], info.row[rows], info.removed))
 
     def _recall(self, asked: Asked, status: np.ndarray) -> None:
         """Keep the order in which individuals were told, and which of them were invalid, which may have been the workers."""
@@ -704,6 +701,15 @@ def _described(individuals: Columns, descriptor: Descriptor) -> Columns:
     values, error = descriptor.describe(individuals)
     found = {"descriptor": values} if error is None else {"descriptor": values, "reconstruction_error": error}
     return Columns({**{name: column for name, column in individuals.items() if name != "emitter"}, **found})
+
+
+def _all_of(batch: Columns, described: Columns, valid: np.ndarray) -> Columns:
+    """A batch with its descriptors, NaN where they are not valid, (n,) bool."""
+    d = described["descriptor"].shape[1] if "descriptor" in described else 0
+    descriptor = np.full((batch.rows, d), np.nan)
+    if d:
+        descriptor[valid] = described["descriptor"]
+    return batch.without("emitter") | {"descriptor": descriptor}
 
 
 def _without_parents(genotype: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

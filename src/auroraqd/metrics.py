@@ -1,11 +1,16 @@
-"""Metrics of the paper: how well a repertoire covers a reference, how well observations are reconstructed."""
+"""Metrics of the paper, how well a repertoire covers a reference, how well observations are reconstructed; and QD-scores."""
+
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from auroraqd._checks import flag, number, numbers, whole
+from auroraqd.archives.grid import GridArchive
 
 _EMPTY = 1e-8  # what the probability of an empty bin of the compared repertoire counts as
 _MOST_BINS = 10**8
+_AT_ONCE = 2**22  # distances: 32 MB
 _MOST_SIDE = 50_000  # bins along a side of the room: pairs of squares are told apart by one whole number
 
 
@@ -116,6 +121,120 @@ def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) ->
         )
     with np.errstate(over="ignore", invalid="ignore"):  # infinite, where it is larger than numbers go
         return np.sqrt(((reconstruction - observation) ** 2).mean(axis=tuple(range(1, observation.ndim))))
+
+
+def coverage(points: ArrayLike, bins: int | Sequence[int], low: ArrayLike = -1.0, high: ArrayLike = 1.0) -> float:
+    """The share of the cells of a grid that points, (n, d), are in: from 0 to 1.
+
+    Args:
+        points: (n, d), for instance ground truths, in a space that the repertoires to compare share.
+        bins: cells in each dimension, a number or d of them.
+        low, high: the corners of the box that is cut into cells, numbers or d each. A point outside counts to the nearest cell
+            at the border, as in pyribs.
+
+    Raises:
+        ValueError: points are no finite (n, d), or there is no such box.
+    """
+    values = _some_points("points", points)
+    grid = grid_of(bins, low, high, values.shape[1])
+    return len(np.unique(grid.cell_of(values))) / grid.n_cells
+
+
+def qd_score(
+    points: ArrayLike,
+    fitness: ArrayLike,
+    bins: int | Sequence[int],
+    low: ArrayLike = -1.0,
+    high: ArrayLike = 1.0,
+    *,
+    offset: float = 0.0,
+) -> float:
+    """The QD-score: the fitness of the fittest in each cell of a grid, summed over the cells that are not empty [1].
+
+    [1] J. K. Pugh, L. B. Soros, P. A. Szerlip, K. O. Stanley, Confronting the challenge of quality diversity, GECCO 2015.
+
+    Args:
+        points, bins, low, high: see `coverage`.
+        fitness: (n,).
+        offset: subtracted from each: the least fitness there can be, so that no cell makes the score worse by being filled.
+
+    Raises:
+        ValueError: see `coverage`; or fitness is no finite (n,), or offset no finite number.
+    """
+    values = _some_points("points", points)
+    fitness = _fitness(fitness, len(values))
+    offset = number("offset", offset, least=-np.inf, wanted="subtracted from each fitness")
+    cells, which = np.unique(grid_of(bins, low, high, values.shape[1]).cell_of(values), return_inverse=True)
+    best = np.full(len(cells), -np.inf)
+    np.maximum.at(best, which, fitness)
+    return float(np.sum(best - offset))
+
+
+def grid_of(bins: int | Sequence[int], low: ArrayLike, high: ArrayLike, d: int) -> GridArchive:
+    """An empty grid of d dimensions.
+
+    Raises:
+        ValueError: there is none of these bins and corners.
+    """
+    several = list(bins) if isinstance(bins, Sequence | np.ndarray) else [bins] * d
+    if len(several) != d:
+        raise ValueError(f"bins must be a number, or {d}, one for each dimension, got {len(several)}")
+    return GridArchive([whole("bins", count) for count in several], low=low, high=high)
+
+
+def soft_qd_score(descriptor: ArrayLike, fitness: ArrayLike, sigma: float, *, samples: int = 10_000, seed: int = 0) -> float:
+    """The soft QD-score, which needs no cells: the integral over all b of max_n f_n exp(-|b - b_n|^2 / (2 sigma^2)).
+
+    By Monte Carlo: S times the mean, over b drawn around the individuals, of max_n / sum_n of these terms, where S, the sum of
+    f_n (2 pi sigma^2)^(d/2), is the score of as many that are far apart. That is right on average, in any dimension, and needs
+    no box. The ratio is at most 1, so the standard error is at most S / (2 sqrt(samples)), half a percent of S by default, and
+    next to 0 where individuals are many sigmas apart.
+
+    Args:
+        descriptor: (n, d), b_n.
+        fitness: (n,), f_n, none below 0: subtract the least there can be.
+        sigma: how far an individual reaches, in the units of the descriptor.
+        samples: of b.
+        seed: of them. The same gives the same score.
+
+    Raises:
+        ValueError: not of these shapes, a NaN or an infinity, a fitness below 0, or no sigma.
+    """
+    from scipy.spatial.distance import cdist
+
+    values = _some_points("descriptor", descriptor)
+    fitness = _fitness(fitness, len(values))
+    sigma = number("sigma", sigma, least=1e-300, wanted="above 0")
+    samples, rng = whole("samples", samples), np.random.default_rng(whole("seed", seed, least=0))
+    if (fitness < 0).any():
+        raise ValueError(f"fitness must be 0 or more, subtract the least there can be, got {fitness.min():g}")
+    values, fitness = values[fitness > 0] / sigma, fitness[fitness > 0]
+    if len(values) == 0:
+        return 0.0
+    sums = np.cumsum(fitness / fitness.max())
+    places = (np.arange(samples) + rng.random()) / samples * sums[-1]  # evenly over them, which is better than by chance
+    around = np.minimum(np.searchsorted(sums, places, side="right"), len(sums) - 1)
+    total = 0.0
+    for rows in np.array_split(around, -(-samples * len(values) // _AT_ONCE)):
+        b = values[rows] + rng.standard_normal((len(rows), values.shape[1]))
+        terms = np.log(fitness) - cdist(b, values, "sqeuclidean") / 2
+        total += float(np.sum(1 / np.exp(terms - terms.max(axis=1, keepdims=True)).sum(axis=1)))
+    return float(fitness.sum() * (2 * np.pi * sigma**2) ** (values.shape[1] / 2) * total / samples)
+
+
+def _some_points(name: str, points: ArrayLike) -> np.ndarray:
+    """Of a repertoire, which may be empty."""
+    values = numbers(name, points, " of shape (n, d)", axes=2, finite=True)
+    if values.shape[1] == 0:
+        raise ValueError(f"{name} must have shape (n, d) with d >= 1, got {values.shape}")
+    return values
+
+
+def _fitness(values: ArrayLike, n: int) -> np.ndarray:
+    fitness = numbers("fitness", values, f" of shape ({n},)", axes=1, finite=True)
+    if len(fitness) != n:
+        raise ValueError(f"fitness must have shape ({n},), as there are points, got {fitness.shape}")
+    return fitness
 
 
 def _points(name: str, values: np.ndarray) -> np.ndarray:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auroraqd import asynchronous
 from auroraqd._checks import number, whole
 from auroraqd.callbacks.base import Callbacks
-from auroraqd.tasks import TaskError, evaluated, name_of
+from auroraqd.tasks import Evaluation, TaskError, evaluated, name_of
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
@@ -41,6 +40,8 @@ def _run(
 ) -> None:
     while not budget.used_up():
         if in_parts and aurora.pending is None:
+            from auroraqd import asynchronous
+
             return asynchronous.run(aurora, task, budget, known, callbacks)
         if aurora.pending is None and known is not None:
             aurora._ask_known(known)
@@ -55,14 +56,31 @@ def _generation(aurora: Aurora, task: Callable, callbacks: Callbacks) -> bool:
     genotypes = aurora.ask() if aurora.pending is None else aurora.pending
     seeds = aurora.seeds if getattr(task, "seeded", False) else None
     evaluation = evaluated(task, genotypes, seeds, f"at generation {aurora.generation}")
+    tell(aurora, name_of(task), evaluation, callbacks)
+    return callbacks.generation(aurora)
+
+
+def tell(aurora: Aurora, task: str, evaluation: Evaluation, callbacks: Callbacks, ticket: int | None = None) -> None:
+    """Tell a run, and then the callbacks, also if it is interrupted between the two, what individuals did.
+
+    Raises:
+        TaskError: it is not like what individuals did before, or there was never a valid one.
+    """
     try:
         aurora._check_as_before(evaluation)
     except ValueError as error:
-        raise TaskError(f"task {name_of(task)} at generation {aurora.generation}: {error}") from error
-    aurora._tell_checked(evaluation, aurora._asked_for(None))
+        raise TaskError(f"task {task} at generation {aurora.generation}: {error}") from error
+    before = aurora._latest
+    try:
+        aurora._tell_checked(evaluation, aurora._asked_for(ticket))
+    finally:
+        if aurora._latest is not before:
+            callbacks.told(aurora)
     if aurora._hopeless:
-        raise aurora._no_hope(name_of(task))
-    return callbacks.generation(aurora)
+        raise TaskError(
+            f"task {task} gave no valid individual in {aurora.generation} generations: fitness or observation was NaN or "
+            f"infinite for all {aurora.evaluations} evaluations"
+        )
 
 
 class Budget:

@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import auroraqd
+from auroraqd.testing import check_archive
 
 ARCHIVES = {
     "unstructured": lambda **options: auroraqd.UnstructuredArchive(l=0.05, **options),
@@ -38,6 +39,10 @@ def individuals(n, seed=0, dtype=np.float64):
         "observation": (255 * rng.random((n, 4, 2))).astype(dtype),
         "descriptor": rng.random((n, 2)),
     }
+
+
+def test_it_passes_the_checks_for_archives_of_ones_own(make):
+    check_archive(make, sequential=True)
 
 
 def test_empty(archive):

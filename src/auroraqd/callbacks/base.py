@@ -1,9 +1,11 @@
-"""What a callback is: a function that is called after each generation, or an object with some of four methods.
+"""What a callback is: a function that is called after each generation, or an object with some of five methods.
 
-start(aurora)        the run begins, or goes on
-generation(aurora)   a generation is done; the run stops when it returns True
-update(aurora)       in that generation, the descriptor was updated
-end(aurora)          the run ends, whatever ends it
+start(aurora)               the run begins, or goes on
+told(aurora, batch, info)   individuals were evaluated: the `Columns` of all, the descriptor of invalid ones NaN, and their
+                            `Info`. Those that wait for the first fit of the descriptor are told once it is fitted
+update(aurora)              the descriptor was updated in the generation that is done
+generation(aurora)          a generation is done; the run stops when it returns True
+end(aurora)                 the run ends, whatever ends it
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 
 from auroraqd._checks import shown
 
-METHODS = ("start", "generation", "update", "end")
+METHODS = ("start", "told", "update", "generation", "end")
 
 
 class Callbacks:
@@ -45,6 +47,14 @@ class Callbacks:
         self._descriptor = aurora.descriptor
         self._call("start", aurora)
 
+    def told(self, aurora: Any) -> None:
+        """Individuals were evaluated."""
+        listening = [callback.told for callback in self._several if callable(getattr(callback, "told", None))]
+        if listening:
+            batch, info = aurora.latest
+            for told in listening:
+                told(aurora, batch, info)
+
     def generation(self, aurora: Any) -> bool:
         """A generation is done: call all, in order. Returns whether the run is to stop."""
         if aurora.descriptor is not self._descriptor:
@@ -63,9 +73,9 @@ class Callbacks:
         if failure is not None:
             raise failure
 
-    def _call(self, name: str, aurora: Any) -> None:
+    def _call(self, name: str, *arguments: Any) -> None:
         for callback in self._several:
-            getattr(callback, name, _nothing)(aurora)
+            getattr(callback, name, _nothing)(*arguments)
 
 
 def _after_generation(callback: Any) -> Callable[[Any], Any]:
@@ -73,7 +83,7 @@ def _after_generation(callback: Any) -> Callable[[Any], Any]:
     return own if callable(own) else callback if callable(callback) else _nothing
 
 
-def _nothing(aurora: Any) -> None:
+def _nothing(*_: Any) -> None:
     pass
 
 

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 if TYPE_CHECKING:
+    from auroraqd.callbacks.loggers import Logger
     from auroraqd.evaluate import Spread
 
 # What is printed holds paths and messages of others: nothing in it is markup.
@@ -28,7 +29,23 @@ CheckpointOption = Annotated[float, typer.Option(min=0, help="Seconds between tw
 SchedulerOption = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, like tcp://node1:8786, whose workers evaluate.")
 ]
+LogOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--log",
+        help="Log each generation: csv:PATH, tensorboard:FOLDER, wandb:project=NAME,mode=online or "
+        "mlflow:experiment=NAME,tracking_uri=URI. Several times for several.",
+    ),
+]
 FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end.")]
+
+
+_LOGS = {
+    "csv": ("path",),
+    "tensorboard": ("folder",),
+    "wandb": ("project", "mode", "name", "group", "entity", "id", "dir"),
+    "mlflow": ("experiment", "tracking_uri", "run_id"),
+}
 
 
 class UserError(Exception):
@@ -52,6 +69,40 @@ def warnings_said() -> Iterator[None]:
         yield
     for warning in caught:
         errors.print(f"Warning: {warning.message}", markup=False, highlight=False)
+
+
+def loggers(texts: Sequence[str] | None) -> "list[Logger]":
+    """The loggers that the options ask for."""
+    return [_logger(text) for text in texts or ()]
+
+
+def _logger(text: str) -> "Logger":
+    from auroraqd.callbacks import loggers
+
+    kinds = {
+        "csv": loggers.CSV,
+        "tensorboard": loggers.TensorBoard,
+        "wandb": loggers.WeightsAndBiases,
+        "mlflow": loggers.MLflow,
+    }
+    name, _, rest = text.partition(":")
+    if name not in kinds:
+        raise UserError(f"--log must be one of {', '.join(kinds)}, got {text!r}")
+    first, *others = _LOGS[name]
+    if not others:  # a path may have any letter in it
+        options = {first: rest} if rest else {}
+    else:
+        pairs = [option.partition("=") for option in rest.split(",") if option]
+        options = {key: value for key, _, value in pairs}
+    unknown = [option for option in options if option not in _LOGS[name]]
+    if unknown:
+        raise UserError(f"--log {name} has no option {unknown[0]!r}; its options are: {', '.join(_LOGS[name])}")
+    if first not in options and name != "mlflow":
+        raise UserError(f"--log {name} needs a {first}: write {name}:{first + '=NAME' if others else first.upper()}")
+    try:
+        return kinds[name](**options)
+    except (ModuleNotFoundError, ValueError) as error:
+        raise UserError(f"--log {name}: {error}") from None
 
 
 def spreading(jobs: int | None, scheduler: str | None, timeout: float | None) -> "Callable[[Any], Spread] | None":

@@ -3,7 +3,7 @@
 import copy
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +16,7 @@ from auroraqd.cli._shared import (
     CheckpointOption,
     FiguresOption,
     JobsOption,
+    LogOption,
     OverwriteOption,
     SchedulerOption,
     TimeoutOption,
@@ -23,6 +24,7 @@ from auroraqd.cli._shared import (
     busy,
     console,
     errors,
+    loggers,
     spreading,
     warnings_said,
 )
@@ -30,6 +32,7 @@ from auroraqd.cli.show import report
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
+    from auroraqd.callbacks.loggers import Logger
     from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
 
@@ -103,6 +106,7 @@ def run(
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
+    log: LogOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Discover a repertoire of behaviours and keep it in a run folder.
@@ -134,7 +138,7 @@ def run(
         asynchronous=asynchronous,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
-    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
+    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout), loggers(log))
 
 
 def repeat(
@@ -145,6 +149,7 @@ def repeat(
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
+    log: LogOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start; individuals that came one by one, in the same order."""
@@ -152,7 +157,8 @@ def repeat(
 
     settings = _settings_in(folder)
     events = load_events(folder) if settings.asynchronous else None
-    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout), events)
+    spread_over = spreading(jobs, scheduler, timeout)
+    _run(settings, out, overwrite, figures, checkpoint_every, spread_over, loggers(log), events=events)
 
 
 def resume(
@@ -167,6 +173,7 @@ def resume(
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
+    log: LogOption = None,
     figures: FiguresOption = True,
 ) -> None:
     """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
@@ -175,7 +182,7 @@ def resume(
     """
     from auroraqd.runs import folders
 
-    settings = _settings_in(folder)
+    settings, logs = _settings_in(folder), loggers(log)
     if generations is not None:
         settings = replace(settings, generations=generations)
     with busy("loading"), warnings_said():
@@ -195,7 +202,7 @@ def resume(
             f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
             "--generations with a larger number goes on"
         )
-    _grow(task, aurora, settings, folder, figures, checkpoint_every, spreading(jobs, scheduler, timeout))
+    _grow(task, aurora, settings, folder, figures, checkpoint_every, spreading(jobs, scheduler, timeout), logs)
 
 
 def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
@@ -231,12 +238,14 @@ def _run(
     figures: bool,
     every: float = 10.0,
     spread_over: "Callable[[Any], Spread] | None" = None,
+    logs: "Sequence[Logger]" = (),
+    *,
     events: Any = None,
 ) -> None:
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, every, spread_over, overwrite=overwrite, events=events)
+    _grow(task, aurora, settings, out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
 
 
 def _grow(
@@ -247,6 +256,7 @@ def _grow(
     figures: bool,
     every: float,
     spread_over: "Callable[[Any], Spread] | None",
+    logs: "Sequence[Logger]" = (),
     *,
     overwrite: bool = False,
     events: Any = None,
@@ -257,7 +267,6 @@ def _grow(
     """
     from auroraqd import asynchronous
     from auroraqd._compiled import compiling
-    from auroraqd.callbacks.base import Callbacks
     from auroraqd.callbacks.progress import RunProgress, training_told
     from auroraqd.runs.checkpoints import LOCK, Checkpoints
 
@@ -285,15 +294,12 @@ def _grow(
             progress = RunProgress(console, settings.generations, aurora.evaluations)
             workers = nullcontext(task) if spread_over is None else spread_over(task)
             with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
+                callbacks = (progress, checkpoints, *logs)
                 if events is not None:
-                    asynchronous.replay(aurora, spread, events, Callbacks([progress, checkpoints]).generation)
+                    asynchronous.replay(aurora, spread, events, callbacks)
                 else:
-                    aurora.run(
-                        spread,
-                        until_generation=settings.generations,
-                        callback=(progress, checkpoints),
-                        asynchronous=settings.asynchronous,
-                    )
+                    until, in_parts = settings.generations, settings.asynchronous
+                    aurora.run(spread, until_generation=until, callback=callbacks, asynchronous=in_parts)
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error
     os.chdir(here)  # a task may have changed it

@@ -81,7 +81,8 @@ def updated(
     called = f"on {individuals.rows:,} observations"
     try:
         if refit:
-            descriptor = descriptor.refitted(_fitted_on(individuals, robust))
+            fitted = _fitted_on(individuals, robust)
+            descriptor = descriptor.refitted(fitted["observation"], fitted.get("fitness"))
         values, error = descriptor.describe(individuals)
     except DescriptorError as error:
         if not descriptor.learned:
@@ -95,21 +96,21 @@ def updated(
     return Update(descriptor, values, error, None if resolution is None else _threshold(resolution, values))
 
 
-def _fitted_on(individuals: Columns, robust: bool) -> np.ndarray:
-    """The observations to fit a descriptor on, without those far outside."""
+def _fitted_on(individuals: Columns, robust: bool) -> Columns:
+    """The observations to fit a descriptor on, without those far outside, and their fitness."""
     x = individuals["observation"]
     if len(x) > 1 and np.array_equal(x[0], x[-1]) and (x == x[0]).all():
         raise RefusedUpdate(f"all {len(x):,} observations are the same, so there is nothing to learn a descriptor from")
     far = far_outside(x) if robust else np.zeros(len(x), bool)
     if not far.any():
-        return x
+        return individuals
     largest, count = np.abs(x[far].astype(np.float64)).max(), np.count_nonzero(far)
     warnings.warn(
         f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
         f"{largest:.3g}, set aside for the fit: evaluation {_listed(individuals['born'][far])}. What is stored stays",
         stacklevel=6,
     )
-    return x[~far]
+    return individuals.only("observation", "fitness").take(~far)
 
 
 def _listed(numbers: np.ndarray) -> str:

@@ -15,8 +15,8 @@ _COVARIANCE_FEATURES = 1000  # up to here scikit-learn, too, takes the covarianc
 _log = logging.getLogger("auroraqd")
 
 
-def fit(transformer: Any, x: np.ndarray) -> None:
-    """Fit a transformer on x; each `PCA(svd_solver="auto")`, alone or in a pipeline, by what always converges.
+def fit(transformer: Any, x: np.ndarray, y: np.ndarray | None = None) -> None:
+    """Fit a transformer on x, and y if given; each `PCA(svd_solver="auto")`, alone or in a pipeline, by what always converges.
 
     That is what scikit-learn would take by the shape of x, unless rows repeat: then "covariance_eigh", up to 1,000 features.
     Should the solver fail all the same, another takes its place, with a warning. The parameter is "auto" again in the end.
@@ -26,18 +26,18 @@ def fit(transformer: Any, x: np.ndarray) -> None:
     """
     automatic = _automatic(transformer)
     if not automatic:
-        transformer.fit(x)
+        _fit_on(transformer, x, y)
         return
     stable = _stable(automatic, x)
     try:
         if _by_gesdd(x) and stable == "covariance_eigh" and len(np.unique(x, axis=0)) < len(x):
             _log.info("rows of %d observations repeat: PCA is fitted by %r", len(x), stable)
-            _fit(transformer, automatic, x, stable)
+            _fit(transformer, automatic, x, y, stable)
         else:
             try:
-                _fit(transformer, automatic, x, "auto")
+                _fit(transformer, automatic, x, y, "auto")
             except np.linalg.LinAlgError as error:
-                _fit(transformer, automatic, x, stable)
+                _fit(transformer, automatic, x, y, stable)
                 warnings.warn(
                     f"PCA could not be fitted by scikit-learn's default solver ({error}); by {stable!r} it was", stacklevel=4
                 )
@@ -46,12 +46,19 @@ def fit(transformer: Any, x: np.ndarray) -> None:
             pca.svd_solver = "auto"
 
 
-def _fit(transformer: Any, automatic: list[Any], x: np.ndarray, solver: str) -> None:
+def _fit(transformer: Any, automatic: list[Any], x: np.ndarray, y: np.ndarray | None, solver: str) -> None:
     for pca in automatic:
         pca.svd_solver = solver
-    transformer.fit(x)
+    _fit_on(transformer, x, y)
     if not all(np.isfinite(pca.components_).all() for pca in automatic):
         raise np.linalg.LinAlgError("its components are not finite")
+
+
+def _fit_on(transformer: Any, x: np.ndarray, y: np.ndarray | None) -> None:
+    if y is None:
+        transformer.fit(x)
+    else:
+        transformer.fit(x, y)
 
 
 def _automatic(transformer: Any) -> list[Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._checks import finite_rows, numbers, numeric, rows_of, shown
-from auroraqd.descriptors import _solvers
+from auroraqd.descriptors import _solvers, supervised
 from auroraqd.descriptors._affine import Affine
 from auroraqd.descriptors.scaling import Scaler, Scaling
 from auroraqd.individuals import Columns
@@ -39,7 +39,8 @@ class DescriptorError(ValueError):
 class Transformer(Protocol):
     """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions.
 
-    One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead.
+    One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead. One whose
+    `fit` needs a `y` gets the fitness too: see `auroraqd.descriptors.supervised`.
     """
 
     def fit(self, x: np.ndarray) -> Any:
@@ -116,7 +117,8 @@ class Descriptor:
             return 1
         last = self.source.steps[-1][1] if hasattr(self.source, "steps") else self.source  # type: ignore[union-attr]
         components = getattr(last, "n_components", 1)
-        return 1 + min(int(components), features) if isinstance(components, int | np.integer) else 2
+        rows = 1 + min(int(components), features) if isinstance(components, int | np.integer) else 2
+        return 2 * rows if supervised.wants_classes(self.source) else rows  # two of each class
 
     def readable(self, individuals: Columns) -> np.ndarray:
         """(n,) bool: individuals without a NaN or an infinity in the observation, and in the ground truth if it reads it."""
@@ -125,8 +127,10 @@ class Descriptor:
             return finite & finite_rows(individuals["ground_truth"])
         return finite
 
-    def refitted(self, observation: np.ndarray) -> "Descriptor":
-        """A new descriptor, learned from observations, (n, ...). The old one stays as it was, whatever happens.
+    def refitted(self, observation: np.ndarray, fitness: np.ndarray | None = None) -> "Descriptor":
+        """A new descriptor, learned from observations, (n, ...), and, if it is supervised, from their fitness, (n,).
+
+        The old one stays as it was, whatever happens.
 
         Raises:
             DescriptorError: the transformer cannot be fitted.
@@ -138,7 +142,7 @@ class Descriptor:
         x = scaling.scaler(observation[0].size)(observation)
         x = x.reshape(observation.shape) if _natural(transformer) else x
         try:
-            _solvers.fit(transformer, x)
+            _solvers.fit(transformer, x, supervised.target(transformer, fitness))
         except Exception as error:
             name = type(transformer).__name__
             raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error

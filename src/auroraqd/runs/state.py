@@ -30,7 +30,7 @@ _LATER = ("_next_evaluation", "_current")  # likewise, but following from the re
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
 _TASKS = ("_task", "_earlier_task", "_made")  # in config.json: equal runs have equal states, whoever made them
 _TIMES = ("_seconds", "_until")
-_ON_THE_WAY = ("_waiting", "_asked", "_events")
+_ON_THE_WAY = ("_waiting", "_asked", "_events", "_latest")
 _OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", *_ON_THE_WAY, "_emitters", "_attempts", *_TASKS)
 
 FIELDS = {*_PLAIN, *_SINCE, *_LATER, *_TIMES, *_OTHERS}
@@ -141,7 +141,7 @@ def restored(
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
     aurora._until = 0.0
-    aurora._task = aurora._earlier_task = aurora._made = None
+    aurora._task = aurora._earlier_task = aurora._made = aurora._latest = None
     waiting = _individuals(_named("waiting", arrays))
     aurora._waiting = waiting if waiting.rows else None
     aurora._events = typed.array("q", arrays["events"].tobytes() if "events" in arrays else b"")
