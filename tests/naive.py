@@ -363,3 +363,35 @@ def diversity(trajectories, bins, low=-1.0, high=1.0):
     for trajectory in trajectories:
         passed.setdefault(square(trajectory[-1]), set()).update(square(point) for point in trajectory)
     return sum(len(squares) for squares in passed.values()) / bins**2
+
+
+def dominated_novelty(descriptors, fitness, k):
+    """Mean distance to the k nearest that are as fit, itself left out; infinite where there are none."""
+    scores = []
+    for i, (x, f) in enumerate(zip(descriptors, fitness, strict=True)):
+        fitter = (p for j, (p, g) in enumerate(zip(descriptors, fitness, strict=True)) if j != i and g >= f)
+        near = sorted(distance(p, x) for p in fitter)[:k]
+        total = 0.0
+        for value in near:
+            total += value
+        scores.append(total / len(near) if near else math.inf)
+    return scores
+
+
+class DominatedArchive:
+    """Old and new together, the highest scores stay; of equal ones, who is older."""
+
+    def __init__(self, capacity, k):
+        self.capacity, self.k, self.stored, self.next_id = capacity, k, [], 0
+
+    def add(self, descriptors, fitness):
+        everyone = self.stored + [[None, list(d), f] for d, f in zip(descriptors, fitness, strict=True)]
+        scores = dominated_novelty([d for _, d, _ in everyone], [f for _, _, f in everyone], self.k)
+        best = sorted(range(len(everyone)), key=lambda i: (-scores[i], i))[: self.capacity]
+        status = [int(i in best) for i in range(len(self.stored), len(everyone))]
+        self.stored = [everyone[i] for i in sorted(best)]
+        for individual in self.stored:
+            if individual[0] is None:
+                individual[0] = self.next_id
+                self.next_id += 1
+        return status

@@ -2,6 +2,7 @@ from . import archives, emitters, evaluate, metrics, report, tasks
 from .adaptation import Adaptation
 from .archives.base import Archive
 from .archives.cvt import CVTArchive, tessellate
+from .archives.dominated import DominatedArchive
 from .archives.grid import GridArchive
 from .archives.unstructured import UnstructuredArchive
 from .aurora import Aurora
@@ -28,6 +29,7 @@ __all__ = [
     "Checkpoints",
     "Curiosity",
     "DescriptorError",
+    "DominatedArchive",
     "Doubling",
     "Evaluation",
     "Every",

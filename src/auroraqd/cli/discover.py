@@ -80,8 +80,8 @@ def run(
     archive: Annotated[
         str,
         typer.Option(
-            help="Where behaviours are kept: unstructured; grid (cells and bounds low, high of each dimension); cvt (cells, "
-            "samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0."
+            help="Where behaviours are kept: unstructured; dominated (capacity, k); grid (cells and bounds low, high of each "
+            "dimension); cvt (cells, samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0."
         ),
     ] = "unstructured",
     k: Annotated[int, typer.Option(help="Neighbours that make up the novelty.")] = 15,
@@ -302,13 +302,14 @@ def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
 
 def compile_kernels(settings: "Settings") -> None:
     """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
-    from auroraqd.experiments.settings import GENOTYPE, PCA, TASKS, Unstructured
+    from auroraqd.experiments.settings import GENOTYPE, PCA, TASKS, Dominated, Unstructured
 
     # A task of the user's own may take long, and do things: it is not called for this.
     task = settings.task if settings.task_kind in TASKS else "ballistic"
     descriptor = PCA if settings.descriptor == PCA else GENOTYPE  # scikit-learn takes a second to import
+    archive = Dominated(20) if isinstance(settings.archive, Dominated) else Unstructured()
     kernels = replace(
-        settings, task=task, descriptor=descriptor, components=1, pretrained=False, archive=Unstructured(), capacity=None
+        settings, task=task, descriptor=descriptor, components=1, pretrained=False, archive=archive, capacity=None
     )
     task, aurora = replace(kernels, batch_size=max(settings.batch_size, 20)).build()
     aurora.run(task, generations=3)

@@ -9,6 +9,7 @@ import numpy as np
 from auroraqd._checks import number, whole
 from auroraqd.archives.base import Archive
 from auroraqd.archives.cvt import CVTArchive, tessellate
+from auroraqd.archives.dominated import DominatedArchive
 from auroraqd.archives.grid import GridArchive
 from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.aurora import SURVIVAL, Aurora
@@ -91,6 +92,26 @@ class CVT:
 
 
 @dataclass(frozen=True)
+class Dominated:
+    """A `DominatedArchive`.
+
+    Args:
+        capacity: individuals to store.
+        k: neighbours that make up the score.
+    """
+
+    capacity: int = 1000
+    k: int = 3
+
+    def __post_init__(self) -> None:
+        DominatedArchive(self.capacity, self.k)
+
+    def build(self, settings: "Settings", task: Any) -> Archive:
+        """The archive, empty."""
+        return DominatedArchive(self.capacity, self.k)
+
+
+@dataclass(frozen=True)
 class CVTPrior:
     """A `CVTArchive` whose centroids are the distinct observations of the task's prior data set."""
 
@@ -114,7 +135,13 @@ STRATEGIES = {
         "fixed": resolution.Fixed,
     },
     "schedule": {"doubling": schedule.Doubling, "every": schedule.Every, "never": schedule.Never},
-    "archive": {"unstructured": Unstructured, "grid": Grid, "cvt": CVT, "cvt-prior": CVTPrior},
+    "archive": {
+        "unstructured": Unstructured,
+        "grid": Grid,
+        "cvt": CVT,
+        "cvt-prior": CVTPrior,
+        "dominated": Dominated,
+    },
 }
 
 
@@ -254,7 +281,7 @@ class Settings:
         if self.pretrained:
             return _asked(task, "prior", "pretrained needs a prior data set")
         # The cells of an archive stay where they are, so the scaling of whole observations must too.
-        fixed = self.descriptor == OBSERVATION and not isinstance(self.archive, Unstructured)
+        fixed = self.descriptor == OBSERVATION and not isinstance(self.archive, Unstructured | Dominated)
         return _bounds(task) if fixed else None
 
     def parameters(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd.archives import cvt, grid, unstructured
+from auroraqd.archives import cvt, dominated, grid, unstructured
 from auroraqd.archives.base import Archive
 from auroraqd.control import resolution, schedule
 from auroraqd.emitters import genetic, selection, variation
@@ -24,7 +24,7 @@ _HOMES = {
     "resolution": [resolution],
     "schedule": [schedule],
     "emitter": [genetic],
-    "archive": [unstructured, grid, cvt],
+    "archive": [unstructured, grid, cvt, dominated],
 }
 
 
