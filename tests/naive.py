@@ -146,6 +146,11 @@ def separations(points, n):
     return apart
 
 
+def controlled(l, stored, target):
+    """l after a generation of container size control."""
+    return l * (1 - 5e-6 * (target - stored))
+
+
 def far_outside(observations):
     """Which of (n, entries, channels) lie far outside the others, by sorting."""
     n, channels = len(observations), range(len(observations[0][0]))

@@ -6,7 +6,7 @@ from .archives.dominated import DominatedArchive
 from .archives.grid import GridArchive
 from .archives.unstructured import UnstructuredArchive
 from .aurora import Aurora
-from .control.resolution import VAT, Fixed, Size
+from .control.resolution import CSC, VAT, Fixed, Size
 from .control.schedule import Doubling, Every, Never
 from .descriptors.autoencoder import AutoEncoder
 from .descriptors.descriptor import DescriptorError
@@ -20,6 +20,7 @@ from .tasks import Evaluation, TaskError
 __version__: str
 
 __all__ = [
+    "CSC",
     "VAT",
     "Adaptation",
     "Archive",

@@ -483,7 +483,8 @@ class Aurora:
             said = self._try_again(refusal, tried=update is not None)
             status = self._added(batch, described, valid)
             self.archive.credit(batch["parent"], status)
-            alone = update is not None and refusal is None and update.l is None and self.resolution is not None
+            follows = self.resolution is None or hasattr(self.resolution, "control")  # l is no matter of updates
+            alone = update is not None and refusal is None and update.l is None and not follows
             self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
             self._done(
                 asked,

@@ -71,7 +71,8 @@ def run(
         str,
         typer.Option(
             help="How l follows the descriptors: vat:cells=47124 (cells that they span), size:individuals=10000 (about how "
-            "many to store), fixed:l=0.05; auto: vat in one and two dimensions, size in more."
+            "many to store), csc:target=10000 (likewise, corrected in each generation), fixed:l=0.05; auto: vat in one and two "
+            "dimensions, size in more."
         ),
     ] = "auto",
     schedule: Annotated[

@@ -133,6 +133,7 @@ STRATEGIES = {
         "vat": resolution.VAT,
         "size": resolution.Size,
         "fixed": resolution.Fixed,
+        "csc": resolution.CSC,
     },
     "schedule": {"doubling": schedule.Doubling, "every": schedule.Every, "never": schedule.Never},
     "archive": {
