@@ -203,6 +203,16 @@ def roulette(scores, spins):
     return rows
 
 
+def in_proportion(weights, spins):
+    """Rows on a wheel whose slots are as wide as the weights; those that are not finite have no width."""
+    weights = [w if math.isfinite(w) else 0.0 for w in weights]
+    ends, total = [], 0.0
+    for weight in weights:
+        total += weight / max(weights)
+        ends.append(total)
+    return [next(row for row, end in enumerate(ends) if end > spin * total) for spin in spins]
+
+
 def credit(curiosity, stored_ids, ids, status):
     """Curiosity after children of these parents were given a status."""
     result = list(curiosity)

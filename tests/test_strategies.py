@@ -12,7 +12,7 @@ from scipy.spatial.distance import pdist
 
 import auroraqd
 from auroraqd.control.resolution import Automatic, largest_distance, separations
-from auroraqd.emitters.selection import _roulette
+from auroraqd.emitters.selection import _roulette, in_proportion, novelty
 from auroraqd.emitters.variation import _fill, _step
 
 
@@ -82,6 +82,60 @@ def test_roulette_agrees_with_its_twin(scores, spins):
     assert _roulette(np.array(scores), np.array(spins), rows) == (expected is not None)
     if expected is not None:
         assert_array_equal(rows, expected)
+
+
+def with_errors(errors):
+    archive = auroraqd.UnstructuredArchive(l=0.01)
+    x = np.linspace(0, 1, len(errors))[:, None]
+    archive.add(x, np.zeros(len(x)), x, x, reconstruction_error=errors)
+    return archive
+
+
+def test_novelty_is_a_roulette():
+    archive = auroraqd.UnstructuredArchive(l=0.01, k=1)
+    x = np.array([[0.0], [1], [3], [6], [10]])
+    archive.add(x, np.zeros(5), x, x)
+    assert_allclose(frequencies(auroraqd.Novelty(), archive), np.array([1, 1, 2, 3, 4]) / 11, atol=0.004)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.sampled_from([1, 2, 10]), st.booleans())
+def test_novelty_in_other_archives_agrees_with_its_twin(seed, n, d, lattice):
+    rng = np.random.default_rng(seed)
+    archive = auroraqd.DominatedArchive()
+    x = np.round(rng.random((n, d)), 1) if lattice else rng.random((n, d))
+    archive.add(x, np.zeros(n), x, x)
+    assert_allclose(novelty(archive), [naive.novelty(x, p, i, 15) for i, p in enumerate(x)], rtol=1e-12, atol=1e-15)
+
+
+def test_surprise_is_a_roulette():
+    archive = with_errors([0.0, 1.0, np.nan, 3.0, np.inf, 0.0])
+    found = frequencies(auroraqd.Surprise(), archive)
+    assert_allclose(found, [0, 0.25, 0, 0.75, 0, 0], atol=0.004)
+
+
+def test_surprise_needs_reconstruction_errors(archive):
+    with pytest.raises(ValueError, match="Surprise needs reconstruction errors"):
+        auroraqd.Surprise()(archive, 3, np.random.default_rng(0))
+
+
+def test_one_coin_a_batch_decides_between_two():
+    archive, rng = with_errors(np.array([0.0, 0.0, 0.0, 1.0])), np.random.default_rng(0)
+    surprised = [(auroraqd.Mixed(auroraqd.Uniform(), auroraqd.Surprise())(archive, 30, rng) == 3).all() for _ in range(400)]
+    assert 0.42 < np.mean(surprised) < 0.58
+
+
+@given(
+    st.lists(st.sampled_from([0.0, 0.5, 3.0, 1e300, 1e-300, np.nan, np.inf]), min_size=1, max_size=50),
+    st.integers(0, 2**32 - 1),
+)
+def test_in_proportion_agrees_with_its_twin(weights, seed):
+    rows = in_proportion(np.array(weights), 20, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    if any(0 < weight < np.inf for weight in weights):
+        assert rows.tolist() == naive.in_proportion(weights, rng.random(20).tolist())
+    else:
+        assert_array_equal(rows, rng.integers(len(weights), size=20))
 
 
 VARIATIONS = [
@@ -324,11 +378,12 @@ def test_schedules():
         (lambda: auroraqd.Size(0), "individuals must be a whole number, 1 or more"),
         (lambda: Automatic(individuals=2.5), "individuals must"),
         (lambda: auroraqd.Fixed(l=-1), "l must"),
+        (lambda: auroraqd.Mixed("novelty"), "a must be callable"),
         (lambda: auroraqd.CSC(0), "target must be a whole number, 1 or more"),
         (lambda: auroraqd.Doubling(first=0), "first must"),
         (lambda: auroraqd.Every(1.5), "generations must"),
     ],
 )
 def test_bad_parameters(make, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         make()

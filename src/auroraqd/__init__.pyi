@@ -10,7 +10,7 @@ from .control.resolution import CSC, VAT, Fixed, Size
 from .control.schedule import Doubling, Every, Never
 from .descriptors.autoencoder import AutoEncoder
 from .descriptors.descriptor import DescriptorError
-from .emitters.selection import Curiosity, Uniform
+from .emitters.selection import Curiosity, Mixed, Novelty, Surprise, Uniform
 from .emitters.variation import Gaussian, IsoLine, Polynomial
 from .repertoire import Repertoire
 from .runs.checkpoints import Checkpoints
@@ -38,10 +38,13 @@ __all__ = [
     "Gaussian",
     "GridArchive",
     "IsoLine",
+    "Mixed",
     "Never",
+    "Novelty",
     "Polynomial",
     "Repertoire",
     "Size",
+    "Surprise",
     "TaskError",
     "Uniform",
     "UnstructuredArchive",

@@ -59,7 +59,13 @@ def run(
     seed: Annotated[int, typer.Option(help="The same seed gives the same run.")] = 0,
     out: OutOption = None,
     overwrite: OverwriteOption = False,
-    selection: Annotated[str, typer.Option(help="How parents are chosen: curiosity or uniform.")] = "curiosity",
+    selection: Annotated[
+        str,
+        typer.Option(
+            help="How parents are chosen: curiosity, uniform, novelty, surprise (reconstruction error), or mixed (novelty or "
+            "surprise, by a coin for each batch)."
+        ),
+    ] = "curiosity",
     variation: Annotated[
         str,
         typer.Option(
@@ -303,11 +309,12 @@ def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
 
 def compile_kernels(settings: "Settings") -> None:
     """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
-    from auroraqd.experiments.settings import GENOTYPE, PCA, TASKS, Dominated, Unstructured
+    from auroraqd.experiments.settings import AUTOENCODER, GENOTYPE, PCA, TASKS, Dominated, Unstructured
 
     # A task of the user's own may take long, and do things: it is not called for this.
     task = settings.task if settings.task_kind in TASKS else "ballistic"
-    descriptor = PCA if settings.descriptor == PCA else GENOTYPE  # scikit-learn takes a second to import
+    learned = settings.descriptor_kind in (PCA, AUTOENCODER)
+    descriptor = PCA if learned else GENOTYPE  # scikit-learn takes a second to import
     archive = Dominated(20) if isinstance(settings.archive, Dominated) else Unstructured()
     kernels = replace(
         settings, task=task, descriptor=descriptor, components=1, pretrained=False, archive=archive, capacity=None

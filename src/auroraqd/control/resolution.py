@@ -121,9 +121,9 @@ class Size:
 class CSC:
     """Container size control: l falls while fewer individuals are stored than wanted, and grows while more are [1].
 
-    After each generation l becomes l (1 - 5e-6 (target - n)), n the individuals stored. In every tenth all are added again, with
-    (1 - epsilon) l, epsilon that of the archive: no closer than that any two are by its rule, so those go that a larger l has
-    brought too close. The first l is half the side of a cube of which `target` fill the box of the descriptors along their
+    After each generation l becomes l (1 - 5e-6 (target - n)), n the individuals stored. In every tenth all are added again,
+    with (1 - epsilon) l, epsilon that of the archive: no closer than that any two are by its rule, so those go that a larger l
+    has brought too close. The first l is half the side of a cube of which `target` fill the box of the descriptors along their
     principal axes: 0.5 (V / target)^(1 / d), V and d of those axes along which descriptors differ.
 
     [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.

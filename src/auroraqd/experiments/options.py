@@ -57,7 +57,7 @@ def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
     kind, _, options = text.partition(":")
     if kind not in kinds:
         raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {kind!r}")
-    types = {f.name: f.type for f in fields(kinds[kind])}
+    types = {f.name: f.type for f in fields(kinds[kind]) if isinstance(f.type, type)}  # others cannot be written
     given = {
         key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)
     }

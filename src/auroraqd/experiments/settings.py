@@ -126,7 +126,13 @@ class CVTPrior:
 
 
 STRATEGIES = {
-    "selection": {"curiosity": selection.Curiosity, "uniform": selection.Uniform},
+    "selection": {
+        "curiosity": selection.Curiosity,
+        "uniform": selection.Uniform,
+        "novelty": selection.Novelty,
+        "surprise": selection.Surprise,
+        "mixed": selection.Mixed,
+    },
     "variation": {"polynomial": variation.Polynomial, "gaussian": variation.Gaussian, "iso-line": variation.IsoLine},
     "resolution": {
         "auto": resolution.Automatic,
@@ -313,15 +319,23 @@ class Settings:
             raise ValueError(f"the settings have no {', '.join(missing)}")
         given = {name: values[name] for name in names}
         for name, kinds in STRATEGIES.items():
-            if not isinstance(given[name], Mapping):
-                raise ValueError(f"{name} must be an object with a type, got {given[name]!r}")
-            options = dict(given[name])
-            kind = options.pop("type", None)
-            classes = {c.__name__: c for c in kinds.values()}
-            if kind not in classes:
-                raise ValueError(f"{name} must be one of {', '.join(classes)}, got {kind!r}")
-            given[name] = classes[kind](**options)
+            given[name] = _made(name, kinds, given[name])
         return cls(**given)
+
+
+def _made(name: str, kinds: Mapping[str, Any], value: Any) -> Any:
+    """A strategy, and those that it is made of, from what `as_json` made of it."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name} must be an object with a type, got {value!r}")
+    options = dict(value)
+    kind = options.pop("type", None)
+    classes = {c.__name__: c for c in kinds.values()}
+    if kind not in classes:
+        raise ValueError(f"{name} must be one of {', '.join(classes)}, got {kind!r}")
+    for key, part in options.items():
+        if isinstance(part, Mapping):
+            options[key] = _made(key, STRATEGIES.get(key, kinds), part)
+    return classes[kind](**options)
 
 
 def _dimensions(settings: Settings, task: Any) -> int:

@@ -63,9 +63,15 @@ def made(name: str, value: Any, trusted: Sequence[str]) -> Any:
     kind = _kind(name, options.pop("type", None), trusted)
     if not isinstance(value, Mapping) or not is_dataclass(kind):
         raise ValueError(f"{name} was {value!r}, which is not of auroraqd: give it again, resume(..., {name}=...)")
-    for part in set(options) & set(_HOMES):
-        options[part] = made(part, options[part], trusted)
-    return kind(**options)  # pyright: ignore[reportCallIssue] - a type
+    for part, given in options.items():
+        if part in _HOMES:
+            options[part] = made(part, given, trusted)
+        elif isinstance(given, Mapping) and "type" in given:  # one of several alike
+            options[part] = made(name, given, trusted)
+    try:
+        return kind(**options)  # pyright: ignore[reportCallIssue] - a type
+    except TypeError as error:  # a function of the user's among them
+        raise ValueError(f"{name} was {value!r}: {error}; give it again, resume(..., {name}=...)") from None
 
 
 def archive_made(value: Mapping[str, Any], constants: Mapping[str, np.ndarray], given: Any, trusted: Sequence[str]) -> Archive:
