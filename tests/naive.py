@@ -410,3 +410,32 @@ class DominatedArchive:
                 individual[0] = self.next_id
                 self.next_id += 1
         return status
+
+
+def fronts(points):
+    """Of points with objectives to maximise: how often all that no other beats must be taken away until it is its turn."""
+
+    def beats(a, b):
+        return all(x >= y for x, y in zip(a, b, strict=True)) and a != b
+
+    front, left, number = [None] * len(points), set(range(len(points))), 0
+    while left:
+        best = {i for i in left if not any(beats(points[j], points[i]) for j in left)}
+        for i in best:
+            front[i] = number
+        left, number = left - best, number + 1
+    return front
+
+
+def crowding(points):
+    """Gaps between the neighbours of each, summed over objectives, in shares of the range; infinite at both ends."""
+    apart = [0.0] * len(points)
+    for c in range(len(points[0])):
+        order = sorted(range(len(points)), key=lambda i: points[i][c])
+        span = points[order[-1]][c] - points[order[0]][c]
+        for place, i in enumerate(order):
+            if place in (0, len(order) - 1):
+                apart[i] = math.inf
+            elif span:
+                apart[i] += (points[order[place + 1]][c] - points[order[place - 1]][c]) / span
+    return apart

@@ -13,6 +13,7 @@ import time
 import warnings
 import zlib
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, overload
 
 import numpy as np
@@ -525,11 +526,11 @@ class Aurora:
         """Tell an emitter what became of its rows, (n,) bool of the batch."""
         if not rows.any():
             return
-        d = described["descriptor"].shape[1] if "descriptor" in described else 0
-        descriptor = np.full((batch.rows, d), np.nan)
-        if d:
-            descriptor[valid] = described["descriptor"]
-        told = (batch.without("emitter") | {"descriptor": descriptor}).take(rows)
+        found: dict[str, np.ndarray] = {"descriptor": np.full((batch.rows, 0), np.nan)}
+        for name, values in described.only("descriptor", "reconstruction_error").items():
+            found[name] = np.full((batch.rows, *values.shape[1:]), np.nan)
+            found[name][valid] = values
+        told = (batch.without("emitter") | found).take(rows)
         emitter.tell(self.archive, told, Info(info.status[rows], info.row[rows], info.removed))
 
     def _done(self, asked: Asked, status: np.ndarray, rmse: float) -> None:
@@ -588,6 +589,9 @@ class Aurora:
                 f"{self.survival:g} allows"
             )
         self._descriptor = update.descriptor
+        for emitter in self._emitters.emitters:
+            if hasattr(emitter, "updated"):
+                emitter.updated(self.archive, partial(_described, descriptor=self._descriptor))
         return None
 
     def _try_again(self, refusal: RefusedUpdate | None, *, tried: bool) -> str | None:

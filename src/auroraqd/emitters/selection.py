@@ -6,10 +6,9 @@ archive is not empty.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from auroraqd._checks import check_callable
 from auroraqd._compiled import compiled
@@ -69,8 +68,6 @@ class Surprise:
     ICRA 2020.
     """
 
-    reconstructs: ClassVar[bool] = True
-
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
         """See the module docstring.
 
@@ -112,7 +109,7 @@ def novelty(archive: Archive) -> np.ndarray:
     k = min(_NEIGHBOURS, len(archive) - 1)
     if k < 1:
         return np.zeros(len(archive))
-    distances, _ = cKDTree(archive.descriptor).query(archive.descriptor, k + 1)
+    distances, _ = KDTree(archive.descriptor).query(archive.descriptor, k + 1)
     return distances[:, 1:].mean(axis=1)  # the first is its own, or that of a copy
 
 
