@@ -17,5 +17,6 @@ from auroraqd.emitters.base import Emitter
 from auroraqd.emitters.genetic import Genetic
 from auroraqd.emitters.goals import Goals
 from auroraqd.emitters.population import NSLC, TAXONS, NoveltySearch
+from auroraqd.emitters.ribs import Ribs
 
-__all__ = ["NSLC", "TAXONS", "Emitter", "Genetic", "Goals", "NoveltySearch"]
+__all__ = ["NSLC", "TAXONS", "Emitter", "Genetic", "Goals", "NoveltySearch", "Ribs"]

@@ -16,14 +16,14 @@ import numpy as np
 from auroraqd.archives import cvt, dominated, grid, unstructured
 from auroraqd.archives.base import Archive
 from auroraqd.control import resolution, schedule
-from auroraqd.emitters import genetic, goals, population, selection, variation
+from auroraqd.emitters import genetic, goals, population, ribs, selection, variation
 
 _HOMES = {
     "selection": [selection],
     "variation": [variation],
     "resolution": [resolution],
     "schedule": [schedule],
-    "emitter": [genetic, goals, population],
+    "emitter": [genetic, goals, population, ribs],
     "archive": [unstructured, grid, cvt, dominated],
 }
 
