@@ -59,6 +59,13 @@ def run(
     seed: Annotated[int, typer.Option(help="The same seed gives the same run.")] = 0,
     out: OutOption = None,
     overwrite: OverwriteOption = False,
+    emitter: Annotated[
+        str,
+        typer.Option(
+            help="What makes genotypes: genetic (selection, then variation); goals (random, sigma, first); novelty-search or "
+            "nslc (population, k); taxons (population, k, elite, first); with options like goals:random=0.2."
+        ),
+    ] = "genetic",
     selection: Annotated[
         str,
         typer.Option(
@@ -122,6 +129,7 @@ def run(
         generations=generations,
         batch_size=batch_size,
         seed=seed,
+        emitter=s.strategy("emitter", emitter),
         selection=s.strategy("selection", selection),
         variation=s.strategy("variation", variation),
         resolution=s.strategy("resolution", resolution),
@@ -199,7 +207,7 @@ def resume(
 
 def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
     """What differs between settings and a run, in words, as far as the run itself says."""
-    names = ["seed", "batch_size", "selection", "variation", "schedule"]
+    names = ["seed", "batch_size", "schedule", *(["selection", "variation"] if settings.genetic else [])]
     given = {name: getattr(settings, name) for name in names}
     return [
         f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)

@@ -4,8 +4,6 @@ The population is what parents are taken from; it may hold individuals that the 
 among both, each individual counting once: individuals are known by the numbers of their evaluations, `born`.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from auroraqd import emitters
 from auroraqd._checks import number, whole
 from auroraqd.archives.base import Archive
 from auroraqd.archives.cvt import CVTArchive, tessellate
@@ -25,7 +26,7 @@ from auroraqd.tasks.noise import seeds_of
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
-_SINCE = {"survival": SURVIVAL, "robust": True}  # settings that those of version 0.2.0 have not
+_SINCE = {"survival": SURVIVAL, "robust": True, "emitter": {"type": "Genetic"}}  # settings that earlier versions have not
 _COMPETITION = ("k", "epsilon", "competition", "capacity", "l")
 
 
@@ -125,7 +126,19 @@ class CVTPrior:
         return CVTArchive(Scaling.of(prior).scaler(prior[0].size)(prior))
 
 
+@dataclass(frozen=True)
+class Genetic:
+    """The genetic emitter; its selection and variation are settings of their own."""
+
+
 STRATEGIES = {
+    "emitter": {
+        "genetic": Genetic,
+        "goals": emitters.Goals,
+        "novelty-search": emitters.NoveltySearch,
+        "nslc": emitters.NSLC,
+        "taxons": emitters.TAXONS,
+    },
     "selection": {
         "curiosity": selection.Curiosity,
         "uniform": selection.Uniform,
@@ -165,7 +178,8 @@ class Settings:
         pretrained: whether the descriptor is fitted once, on the prior data set of the task.
         generations, batch_size: the budget.
         seed: of all that is random.
-        selection, variation, resolution, schedule, archive: strategies.
+        emitter, selection, variation, resolution, schedule, archive: strategies; selection and variation are of the emitter
+            "genetic".
         l, k, epsilon, competition, capacity: of an unstructured archive; l only matters where the resolution never sets it.
         survival, robust: what updates of the descriptor must leave, and what they set aside; see `auroraqd.Aurora`.
     """
@@ -177,6 +191,7 @@ class Settings:
     generations: int = 5000
     batch_size: int = 200
     seed: int = 0
+    emitter: Any = field(default_factory=Genetic)
     selection: Any = field(default_factory=selection.Curiosity)
     variation: Any = field(default_factory=variation.Polynomial)
     resolution: Any = field(default_factory=resolution.Automatic)
@@ -212,6 +227,8 @@ class Settings:
         for name in ("components", "generations", "batch_size"):
             whole(name, getattr(self, name))
         whole("seed", self.seed, least=0)
+        if not self.genetic and (self.selection, self.variation) != (selection.Curiosity(), variation.Polynomial()):
+            raise ValueError(f"selection and variation are for the emitter 'genetic', and {self.emitter} has its own")
         if self.pretrained and kind in (HAND_CODED, GENOTYPE):
             raise ValueError(f"pretrained is for descriptors that are learned, not for {kind!r}")
         if self.pretrained and self._own is None and not hasattr(TASKS[self.task_kind], "prior"):
@@ -234,6 +251,11 @@ class Settings:
         """The descriptor without its parameters."""
         return self.descriptor.partition(":")[0]
 
+    @property
+    def genetic(self) -> bool:
+        """Whether selection and variation make the offspring, and no other emitter."""
+        return isinstance(self.emitter, Genetic)
+
     def build(self) -> tuple[Any, Aurora]:
         """The task, and an Aurora at generation 0.
 
@@ -247,8 +269,9 @@ class Settings:
             seed=self.seed,
             batch_size=self.batch_size,
             archive=self._archive(task),
-            selection=self.selection,
-            variation=self.variation,
+            selection=self.selection if self.genetic else None,
+            variation=self.variation if self.genetic else None,
+            emitter=None if self.genetic else self.emitter,
             resolution=self.resolution,
             schedule=self.schedule,
             prior=self._prior(task),
