@@ -55,7 +55,7 @@ GOOD = np.array([[0.1, 0.2], [0.3, 0.9], [0.8, 0.4]])
 
 def archives():
     cvt = auroraqd.CVTArchive(GOOD)
-    return auroraqd.UnstructuredArchive(), auroraqd.GridArchive((3, 3)), cvt
+    return auroraqd.UnstructuredArchive(), auroraqd.GridArchive((3, 3)), cvt, auroraqd.DominatedArchive()
 
 
 def filled(archive):
@@ -114,6 +114,14 @@ def calls(bad):
     for kind, name in (
         (auroraqd.VAT, "cells"),
         (auroraqd.Fixed, "l"),
+        (auroraqd.CSC, "target"),
+        (auroraqd.DominatedArchive, "capacity"),
+        (auroraqd.DominatedArchive, "k"),
+        (auroraqd.emitters.Goals, "random"),
+        (auroraqd.emitters.Goals, "sigma"),
+        (auroraqd.emitters.Goals, "first"),
+        (auroraqd.emitters.NSLC, "population"),
+        (auroraqd.emitters.TAXONS, "elite"),
         (auroraqd.Doubling, "first"),
         (auroraqd.Every, "generations"),
         (auroraqd.Polynomial, "rate"),

@@ -1,6 +1,8 @@
 """Emitters of pyribs."""
 
+import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -108,6 +110,14 @@ def test_saving_says_that_its_state_is_not_saved(tmp_path):
         auroraqd.resume(tmp_path / "run")
     again = auroraqd.resume(tmp_path / "run", emitter=Ribs(cma))
     assert again.run(TASK, generations=5).generation == 8
+
+
+def test_the_example_of_the_documentation():
+    page = (Path(__file__).parents[1] / "docs" / "algorithms.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    found = {}
+    exec(code.replace("generations=500", "generations=5"), found)
+    assert found["aurora"].generation == 5
 
 
 @pytest.mark.parametrize(

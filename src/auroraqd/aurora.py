@@ -192,7 +192,7 @@ class Aurora:
                 something else than it must. Nothing has changed.
         """
         if isinstance(genotypes, int | np.integer) and not isinstance(genotypes, bool):
-            return self._ask(whole("genotypes", genotypes), alone=False)
+            return self._ask(whole("genotypes", genotypes, most=2**31 - 1), alone=False)
         if self._current is not None:
             raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
         return self._ask(

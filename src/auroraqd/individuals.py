@@ -118,7 +118,7 @@ def measured(given: Mapping[str, Any]) -> Columns:
             columns[name] = whole_numbers(name, values)
             if columns[name].ndim != 1:
                 raise ValueError(f"{name} must have shape (n,), got {columns[name].shape}")
-        elif values is not None:
+        elif values is not None or kind.always:
             columns[name] = (numeric if kind.dtype is None else numbers)(name, values, axes=kind.axes, rows=True)
     n = len(columns["genotype"])
     for name, rows in columns.items():

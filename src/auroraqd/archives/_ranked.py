@@ -26,7 +26,7 @@ def nearest(points: np.ndarray, fitness: np.ndarray, which: np.ndarray, k: int) 
         (m, k) squared distances, ascending, and (m, k) int64 rows; infinity and -1 where there are fewer.
     """
     squared, rows = np.full((len(which), k), np.inf), np.full((len(which), k), -1)
-    _nearest(np.ascontiguousarray(points.T), fitness, which, squared, rows)
+    _nearest(_columns(points), np.array(fitness), which, squared, rows)
     return squared, rows
 
 
@@ -47,7 +47,12 @@ def disturb(points: np.ndarray, fitness: np.ndarray, reach: np.ndarray, by: np.n
         by: (m, d), the others.
         by_fitness: (m,), theirs.
     """
-    _disturb(np.ascontiguousarray(points.T), fitness, reach, by, by_fitness)
+    _disturb(_columns(points), np.array(fitness), reach, by, by_fitness)
+
+
+def _columns(points: np.ndarray) -> np.ndarray:
+    """(d, n) copy of (n, d): arrays that can only be read are another type to the compiler."""
+    return np.array(points.T, order="C")
 
 
 @compiled(nogil=True)

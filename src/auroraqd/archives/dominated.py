@@ -83,7 +83,7 @@ class DominatedArchive(Archive):
         size, n = len(self), batch.rows
         if size + n <= self.capacity:
             return Placement(np.full(n, NEW, np.int8), np.arange(size, size + n))
-        known = self._with(np.ascontiguousarray(batch["descriptor"]), batch["fitness"])
+        known = self._with(np.array(batch["descriptor"], order="C"), np.array(batch["fitness"]))
         stale = np.flatnonzero(known.reach < 0)
         squared, rows = nearest(known.descriptor, known.fitness, stale, self.k)
         known.score[stale], known.reach[stale] = mean_distance(squared, rows), squared[:, -1]
@@ -109,7 +109,7 @@ class DominatedArchive(Archive):
 
 
 def _unmeasured(descriptor: np.ndarray, fitness: np.ndarray) -> _Measured:
-    return _Measured(descriptor, fitness, np.empty(len(fitness)), np.full(len(fitness), -1.0))
+    return _Measured(descriptor, fitness, np.zeros(len(fitness)), np.full(len(fitness), -1.0))
 
 
 def _without(known: _Measured, stays: np.ndarray) -> _Measured:
