@@ -146,6 +146,11 @@ def separations(points, n):
     return apart
 
 
+def controlled(l, stored, target):
+    """l after a generation of container size control."""
+    return l * (1 - 5e-6 * (target - stored))
+
+
 def far_outside(observations):
     """Which of (n, entries, channels) lie far outside the others, by sorting."""
     n, channels = len(observations), range(len(observations[0][0]))
@@ -196,6 +201,16 @@ def roulette(scores, spins):
             end += scores[row] - low
         rows.append(row)
     return rows
+
+
+def in_proportion(weights, spins):
+    """Rows on a wheel whose slots are as wide as the weights; those that are not finite have no width."""
+    weights = [w if math.isfinite(w) else 0.0 for w in weights]
+    ends, total = [], 0.0
+    for weight in weights:
+        total += weight / max(weights)
+        ends.append(total)
+    return [next(row for row, end in enumerate(ends) if end > spin * total) for spin in spins]
 
 
 def credit(curiosity, stored_ids, ids, status):
@@ -397,3 +412,64 @@ def soft_qd_score(points, fitness, sigma, h, margin=7):
     for b in [(x,) for x in axes[0]] if len(axes) == 1 else [(x, y) for x in axes[0] for y in axes[1]]:
         total += max(f * math.exp(-squared_distance(p, b) / (2 * sigma * sigma)) for p, f in zip(points, fitness, strict=True))
     return total * step ** len(axes)
+
+
+def dominated_novelty(descriptors, fitness, k):
+    """Mean distance to the k nearest that are as fit, itself left out; infinite where there are none."""
+    scores = []
+    for i, (x, f) in enumerate(zip(descriptors, fitness, strict=True)):
+        fitter = (p for j, (p, g) in enumerate(zip(descriptors, fitness, strict=True)) if j != i and g >= f)
+        near = sorted(distance(p, x) for p in fitter)[:k]
+        total = 0.0
+        for value in near:
+            total += value
+        scores.append(total / len(near) if near else math.inf)
+    return scores
+
+
+class DominatedArchive:
+    """Old and new together, the highest scores stay; of equal ones, who is older."""
+
+    def __init__(self, capacity, k):
+        self.capacity, self.k, self.stored, self.next_id = capacity, k, [], 0
+
+    def add(self, descriptors, fitness):
+        everyone = self.stored + [[None, list(d), f] for d, f in zip(descriptors, fitness, strict=True)]
+        scores = dominated_novelty([d for _, d, _ in everyone], [f for _, _, f in everyone], self.k)
+        best = sorted(range(len(everyone)), key=lambda i: (-scores[i], i))[: self.capacity]
+        status = [int(i in best) for i in range(len(self.stored), len(everyone))]
+        self.stored = [everyone[i] for i in sorted(best)]
+        for individual in self.stored:
+            if individual[0] is None:
+                individual[0] = self.next_id
+                self.next_id += 1
+        return status
+
+
+def fronts(points):
+    """Of points with objectives to maximise: how often all that no other beats must be taken away until it is its turn."""
+
+    def beats(a, b):
+        return all(x >= y for x, y in zip(a, b, strict=True)) and a != b
+
+    front, left, number = [None] * len(points), set(range(len(points))), 0
+    while left:
+        best = {i for i in left if not any(beats(points[j], points[i]) for j in left)}
+        for i in best:
+            front[i] = number
+        left, number = left - best, number + 1
+    return front
+
+
+def crowding(points):
+    """Gaps between the neighbours of each, summed over objectives, in shares of the range; infinite at both ends."""
+    apart = [0.0] * len(points)
+    for c in range(len(points[0])):
+        order = sorted(range(len(points)), key=lambda i: points[i][c])
+        span = points[order[-1]][c] - points[order[0]][c]
+        for place, i in enumerate(order):
+            if place in (0, len(order) - 1):
+                apart[i] = math.inf
+            elif span:
+                apart[i] += (points[order[place + 1]][c] - points[order[place - 1]][c]) / span
+    return apart

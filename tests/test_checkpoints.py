@@ -75,6 +75,8 @@ def test_killed_and_gone_on_with_it_is_the_same_run(descriptor, tmp_path):
         {"schedule": lambda: auroraqd.Every(7), "resolution": lambda: auroraqd.Fixed(0.05), "descriptor": "pca"},
         {"descriptor": lambda: PCA(2, svd_solver="randomized")},
         {"descriptor": lambda: make_pipeline(StandardScaler(), PCA(2, svd_solver="full"))},
+        {"archive": lambda: auroraqd.DominatedArchive(200), "descriptor": "pca", "selection": auroraqd.Mixed},
+        {"selection": auroraqd.Novelty, "resolution": lambda: auroraqd.CSC(2000), "descriptor": "genotype"},
         {"descriptor": "observation", "prior": TASK.bounds, "archive": lambda: auroraqd.CVTArchive(np.eye(100))},
     ],
     ids=lambda options: "-".join([*options, *(value for value in options.values() if isinstance(value, str))]),

@@ -203,6 +203,8 @@ def test_run_air_hockey(tmp_path):
         (["--archive", "cvt:cells=50,samples=200,low=0", "--descriptor", "genotype"], 2),
         (["--archive", "cvt-prior", "--descriptor", "observation", "--pretrained"], 100),
         (["--descriptor", "pca", "--pretrained"], 2),
+        (["--archive", "dominated:capacity=50", "--emitter", "taxons:population=30"], 2),
+        (["--selection", "mixed", "--resolution", "csc:target=500"], 2),
     ],
 )
 def test_run_with_other_archives_and_pretrained(tmp_path, monkeypatch, options, dimensions):

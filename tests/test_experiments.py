@@ -93,6 +93,54 @@ def test_the_papers_eight_are_there():
         assert made.pretrained == (name.split("-")[1:2] in (["pretrained"], ["prior"]))
 
 
+OTHERS = [
+    {"emitter": "goals:random=0.5,first=10"},
+    {"emitter": "novelty-search:population=20,k=3", "archive": "dominated:capacity=60,k=2"},
+    {"emitter": "nslc"},
+    {"emitter": "taxons:elite=2,first=1", "descriptor": "pca"},
+    {"selection": "novelty", "resolution": "csc:target=500"},
+    {"selection": "mixed", "descriptor": "pca"},
+]
+
+
+@pytest.mark.parametrize("texts", OTHERS, ids=lambda texts: "-".join(texts.values()))
+def test_algorithms_beside_the_paper_are_settings(texts):
+    values = {name: settings.strategy(name, text) if name != "descriptor" else text for name, text in texts.items()}
+    made = settings.Settings(**{"descriptor": "hand-coded", "batch_size": 30, "generations": 4, **values})
+    again = settings.Settings.from_json(json.loads(json.dumps(made.as_json())))
+    assert again == made
+    first, second = (each.build()[1].run(each.build_task(), generations=4) for each in (made, again))
+    assert_array_equal(first.archive.genotype, second.archive.genotype)
+    assert (first.archive.born >= 30).any()
+
+
+def test_earlier_settings_have_no_emitter():
+    values = settings.Settings().as_json()
+    del values["emitter"]
+    assert settings.Settings.from_json(values) == settings.Settings()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("emitter", "nslc:variation=gaussian", "emitter 'nslc' has no option 'variation'"),
+        ("emitter", "goals:first=x", "first must be a whole number"),
+        ("emitter", "cma", "emitter must be one of genetic, goals"),
+        ("selection", "mixed:a=novelty", "selection 'mixed' has no option 'a'"),
+        ("archive", "dominated:capacity=0", "capacity must"),
+        ("resolution", "csc:target=0", "target must"),
+    ],
+)
+def test_algorithms_that_cannot_be(name, text, message):
+    with pytest.raises(ValueError, match=message):
+        settings.strategy(name, text)
+
+
+def test_selection_is_for_the_genetic_emitter():
+    with pytest.raises(ValueError, match="selection and variation are for the emitter 'genetic', and Goals"):
+        settings.Settings(emitter=settings.strategy("emitter", "goals"), selection=settings.strategy("selection", "novelty"))
+
+
 def test_pretrained_without_a_split():
     assert BALLISTIC.variants["ae-pretrained"].of(SMALL, 0).parameters()["validation"] == 0
     assert BALLISTIC.variants["ae-pretrained-split"].of(SMALL, 0).parameters()["validation"] == 0.25

@@ -92,7 +92,8 @@ MADE = st.recursive(
 
 
 def archives():
-    return auroraqd.UnstructuredArchive(), auroraqd.GridArchive((3, 3)), auroraqd.CVTArchive(GOOD)
+    cvt = auroraqd.CVTArchive(GOOD)
+    return auroraqd.UnstructuredArchive(), auroraqd.GridArchive((3, 3)), cvt, auroraqd.DominatedArchive()
 
 
 def filled(archive):

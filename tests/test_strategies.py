@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.distance import pdist
 
 import auroraqd
 from auroraqd.control.resolution import Automatic, largest_distance, separations
-from auroraqd.emitters.selection import _roulette
+from auroraqd.emitters.selection import _roulette, in_proportion, novelty
 from auroraqd.emitters.variation import _fill, _step
 
 
@@ -25,7 +26,15 @@ def archive():
 
 def test_values_not_objects():
     """Strategies are values: equal, hashable, printable."""
-    for kind in (auroraqd.Uniform, auroraqd.Curiosity, auroraqd.Polynomial, auroraqd.Gaussian, auroraqd.VAT, auroraqd.Doubling):
+    for kind in (
+        auroraqd.Uniform,
+        auroraqd.Curiosity,
+        auroraqd.Polynomial,
+        auroraqd.Gaussian,
+        auroraqd.VAT,
+        auroraqd.Doubling,
+        auroraqd.CSC,
+    ):
         assert kind() == kind()
         assert hash(kind()) == hash(kind())
         assert eval(repr(kind()), vars(auroraqd) | {kind.__name__: kind}) == kind()
@@ -73,6 +82,60 @@ def test_roulette_agrees_with_its_twin(scores, spins):
     assert _roulette(np.array(scores), np.array(spins), rows) == (expected is not None)
     if expected is not None:
         assert_array_equal(rows, expected)
+
+
+def with_errors(errors):
+    archive = auroraqd.UnstructuredArchive(l=0.01)
+    x = np.linspace(0, 1, len(errors))[:, None]
+    archive.add(x, np.zeros(len(x)), x, x, reconstruction_error=errors)
+    return archive
+
+
+def test_novelty_is_a_roulette():
+    archive = auroraqd.UnstructuredArchive(l=0.01, k=1)
+    x = np.array([[0.0], [1], [3], [6], [10]])
+    archive.add(x, np.zeros(5), x, x)
+    assert_allclose(frequencies(auroraqd.Novelty(), archive), np.array([1, 1, 2, 3, 4]) / 11, atol=0.004)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.sampled_from([1, 2, 10]), st.booleans())
+def test_novelty_in_other_archives_agrees_with_its_twin(seed, n, d, lattice):
+    rng = np.random.default_rng(seed)
+    archive = auroraqd.DominatedArchive()
+    x = np.round(rng.random((n, d)), 1) if lattice else rng.random((n, d))
+    archive.add(x, np.zeros(n), x, x)
+    assert_allclose(novelty(archive), [naive.novelty(x, p, i, 15) for i, p in enumerate(x)], rtol=1e-12, atol=1e-15)
+
+
+def test_surprise_is_a_roulette():
+    archive = with_errors([0.0, 1.0, np.nan, 3.0, np.inf, 0.0])
+    found = frequencies(auroraqd.Surprise(), archive)
+    assert_allclose(found, [0, 0.25, 0, 0.75, 0, 0], atol=0.004)
+
+
+def test_surprise_needs_reconstruction_errors(archive):
+    with pytest.raises(ValueError, match="Surprise needs reconstruction errors"):
+        auroraqd.Surprise()(archive, 3, np.random.default_rng(0))
+
+
+def test_one_coin_a_batch_decides_between_two():
+    archive, rng = with_errors(np.array([0.0, 0.0, 0.0, 1.0])), np.random.default_rng(0)
+    surprised = [(auroraqd.Mixed(auroraqd.Uniform(), auroraqd.Surprise())(archive, 30, rng) == 3).all() for _ in range(400)]
+    assert 0.42 < np.mean(surprised) < 0.58
+
+
+@given(
+    st.lists(st.sampled_from([0.0, 0.5, 3.0, 1e300, 1e-300, np.nan, np.inf]), min_size=1, max_size=50),
+    st.integers(0, 2**32 - 1),
+)
+def test_in_proportion_agrees_with_its_twin(weights, seed):
+    rows = in_proportion(np.array(weights), 20, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    if any(0 < weight < np.inf for weight in weights):
+        assert rows.tolist() == naive.in_proportion(weights, rng.random(20).tolist())
+    else:
+        assert_array_equal(rows, rng.integers(len(weights), size=20))
 
 
 VARIATIONS = [
@@ -223,6 +286,75 @@ def test_cells_in_two_dimensions_and_a_size_in_more():
     assert Automatic(cells=100)(x[:, :1]) == auroraqd.VAT(100)(x[:, :1])
 
 
+def test_csc_begins_with_a_box_along_the_axes_of_the_descriptors():
+    corners = np.array([[0, 0], [4, 0], [4, 1], [0, 1]]) + 7.0
+    turned = corners @ np.array([[0.6, 0.8], [-0.8, 0.6]])
+    for box in (corners, turned):
+        assert_allclose(auroraqd.CSC(100)(box), 0.5 * np.sqrt(4 / 100))
+        assert_allclose(auroraqd.CSC(100)(1e300 * box), 1e300 * 0.5 * np.sqrt(4 / 100))
+    assert_allclose(auroraqd.CSC(10)(corners[:, :1]), 0.5 * 4 / 10)
+    line = np.linspace(0, 1, 30)[:, None] * np.ones(10)  # one dimension in ten
+    assert_allclose(auroraqd.CSC(10)(line), 0.5 * np.sqrt(10) / 10)
+    assert auroraqd.CSC()(np.ones((5, 3))) == auroraqd.CSC()(np.ones((1, 3))) == 0
+
+
+def test_csc_moves_l_after_each_generation():
+    """With fewer than the target l falls, so that a rebuild loses none."""
+    options = {"seed": 0, "batch_size": 50, "resolution": auroraqd.CSC(5000), "schedule": auroraqd.Never()}
+    run = auroraqd.Aurora(2, "hand-coded", **options).run(auroraqd.tasks.Ballistic(), generations=12)
+    expected = run.history.records[0].l
+    for record in run.history.records[1:]:
+        expected = naive.controlled(expected, record.size, 5000)
+        assert_allclose(record.l, expected, rtol=1e-12)
+
+
+def test_csc_lets_go_of_those_that_a_larger_l_has_brought_too_close():
+    archive, csc = auroraqd.UnstructuredArchive(l=0.05), auroraqd.CSC(1)
+    x = np.random.default_rng(0).random((400, 2))
+    archive.add(x, np.zeros(400), x, x)
+    archive.adjust(0.1)
+    before = len(archive)
+    csc.control(archive, 9)
+    assert len(archive) == before
+    assert_allclose(archive.l, naive.controlled(0.1, before, 1))
+    csc.control(archive, 10)
+    assert len(archive) < before
+    assert pdist(archive.descriptor).min() >= (1 - archive.epsilon) ** 2 * archive.l * (1 - 1e-12)
+    assert_allclose(archive.l, naive.controlled(naive.controlled(0.1, before, 1), before, 1))
+
+
+def test_csc_leaves_one_individual_and_copies_alone():
+    archive, csc = auroraqd.UnstructuredArchive(), auroraqd.CSC(100)
+    archive.add([[0.5]], [0.0], [[1.0]], [[0.0, 0.0]])
+    csc.control(archive, 10)
+    assert (archive.l, len(archive)) == (0, 1)
+    archive.add([[0.5]], [0.0], [[1.0]], [[1.0, 0.0]])
+    csc.control(archive, 11)
+    assert_allclose(archive.l, naive.controlled(0.5 / 100, 2, 100))
+    huge = auroraqd.CSC(10**9)
+    for generation in range(12, 700):
+        huge.control(archive, generation)
+    assert (archive.l, len(archive)) == (1e-150, 2)
+
+
+def test_csc_is_asked_for_l_once_and_an_update_is_not_repeated():
+    asked = []
+
+    class Counted(auroraqd.CSC):
+        def __call__(self, descriptors):
+            asked.append(len(descriptors))
+            return super().__call__(descriptors)
+
+    every = auroraqd.Every(4)
+    aurora = auroraqd.Aurora(2, "hand-coded", seed=0, batch_size=50, resolution=Counted(500), schedule=every)
+    aurora.run(auroraqd.tasks.Ballistic(), generations=3)
+    assert len(asked) == 1
+    for _ in range(5):
+        aurora.run(auroraqd.tasks.Ballistic(), generations=1)
+        assert not aurora._update_due
+    assert len(asked) == 1
+
+
 def test_fixed():
     assert auroraqd.Fixed(0.3)(np.random.default_rng(0).random((5, 2))) == 0.3
 
@@ -246,10 +378,12 @@ def test_schedules():
         (lambda: auroraqd.Size(0), "individuals must be a whole number, 1 or more"),
         (lambda: Automatic(individuals=2.5), "individuals must"),
         (lambda: auroraqd.Fixed(l=-1), "l must"),
+        (lambda: auroraqd.Mixed("novelty"), "a must be callable"),
+        (lambda: auroraqd.CSC(0), "target must be a whole number, 1 or more"),
         (lambda: auroraqd.Doubling(first=0), "first must"),
         (lambda: auroraqd.Every(1.5), "generations must"),
     ],
 )
 def test_bad_parameters(make, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         make()

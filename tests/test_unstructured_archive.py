@@ -1,9 +1,11 @@
 """The compiled archive against its plain-Python twin, and the properties it promises."""
 
+import copy
+
 import naive
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import event, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
@@ -172,7 +174,8 @@ def test_the_index_equals_brute_force(d):
     stored = archive.descriptor
     assert_array_equal(archive.novelty(), [naive.novelty(stored, p, i, 7) for i, p in enumerate(stored)])
     rebuilt = _neighbours.build(np.ascontiguousarray(stored))
-    assert_array_equal(_neighbours.novelties(rebuilt, stored, 7), archive.novelty())
+    found, _ = _neighbours.novelties(rebuilt, stored, 7, np.arange(len(stored)))
+    assert_array_equal(found, archive.novelty())
 
 
 def test_sorted_insertion_does_not_degenerate():
@@ -289,3 +292,47 @@ def test_capacity_refuses_politely():
 def test_bad_options(option, message):
     with pytest.raises(ValueError, match=message):
         UnstructuredArchive(**option)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([1, 2, 10]),
+    st.integers(1, 6),
+    st.sampled_from([0.0, 0.05, 0.3]),
+    st.booleans(),
+    st.booleans(),
+)
+def test_novelty_that_is_kept_is_that_which_would_be_measured(seed, d, k, l, lattice, constant):
+    """Bit for bit, after additions, replacements, adding all again and copies."""
+    rng = np.random.default_rng(seed)
+    archive = UnstructuredArchive(l=l, k=k)
+    for step in range(8):
+        n = int(rng.integers(1, 12 if step else 80))
+        x = np.round(rng.random((n, d)), 1) if lattice else rng.random((n, d))
+        archive.add(x, np.zeros(n) if constant else rng.random(n), x, x)
+        if step % 4 == 3:
+            archive.rebuild()
+        kept = archive._novel is not None
+        stored = archive.descriptor.tolist()
+        assert_array_equal(archive.novelty(), [naive.novelty(stored, p, i, k) for i, p in enumerate(stored)])
+        fresh = copy.deepcopy(archive)
+        assert fresh._novel is None
+        assert_array_equal(fresh.novelty(), archive.novelty())
+        event(f"kept: {kept}")
+
+
+def test_novelty_is_not_kept_for_whom_does_not_ask():
+    archive, rng = UnstructuredArchive(l=0.001), np.random.default_rng(0)
+    x = rng.random((3000, 2))
+    archive.add(x, np.zeros(3000), x, x)
+    archive.novelty()
+    archive.add(x[:1] + 0.01, [0.0], x[:1], x[:1] + 0.01)
+    assert archive._novel is not None
+    assert 0 < np.count_nonzero(archive._novel.reach < 0) < 60
+    archive.novelty()[:] = 0  # a copy
+    assert archive.novelty().min() > 0
+    for _ in range(20):
+        x = rng.random((500, 2))
+        archive.add(x, np.zeros(500), x, x)
+    assert archive._novel is None

@@ -2,14 +2,15 @@ from . import archives, callbacks, emitters, evaluate, metrics, report, tasks, t
 from .adaptation import Adaptation
 from .archives.base import Archive
 from .archives.cvt import CVTArchive, tessellate
+from .archives.dominated import DominatedArchive
 from .archives.grid import GridArchive
 from .archives.unstructured import UnstructuredArchive
 from .aurora import Aurora
-from .control.resolution import VAT, Fixed, Size
+from .control.resolution import CSC, VAT, Fixed, Size
 from .control.schedule import Doubling, Every, Never
 from .descriptors.autoencoder import AutoEncoder
 from .descriptors.descriptor import DescriptorError
-from .emitters.selection import Curiosity, Uniform
+from .emitters.selection import Curiosity, Mixed, Novelty, Surprise, Uniform
 from .emitters.variation import Gaussian, IsoLine, Polynomial
 from .repertoire import Repertoire
 from .runs.checkpoints import Checkpoints
@@ -19,6 +20,7 @@ from .tasks import Evaluation, TaskError
 __version__: str
 
 __all__ = [
+    "CSC",
     "VAT",
     "Adaptation",
     "Archive",
@@ -28,6 +30,7 @@ __all__ = [
     "Checkpoints",
     "Curiosity",
     "DescriptorError",
+    "DominatedArchive",
     "Doubling",
     "Evaluation",
     "Every",
@@ -35,10 +38,13 @@ __all__ = [
     "Gaussian",
     "GridArchive",
     "IsoLine",
+    "Mixed",
     "Never",
+    "Novelty",
     "Polynomial",
     "Repertoire",
     "Size",
+    "Surprise",
     "TaskError",
     "Uniform",
     "UnstructuredArchive",

@@ -14,6 +14,7 @@ import warnings
 import zlib
 from array import array
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, overload
 
 import numpy as np
@@ -208,7 +209,7 @@ class Aurora:
                 something else than it must. Nothing has changed.
         """
         if isinstance(genotypes, int | np.integer) and not isinstance(genotypes, bool):
-            return self._ask(whole("genotypes", genotypes), alone=False)
+            return self._ask(whole("genotypes", genotypes, most=2**31 - 1), alone=False)
         if self._current is not None:
             raise RuntimeError("ask was called twice: first tell about the batch asked for before, which is in `pending`")
         return self._ask(
@@ -539,7 +540,8 @@ class Aurora:
             said = self._try_again(refusal, tried=update is not None)
             status = self._added(batch, described, valid)
             self.archive.credited(batch["parent"], status)
-            alone = update is not None and refusal is None and update.l is None and self.resolution is not None
+            follows = self.resolution is None or hasattr(self.resolution, "control")  # l is no matter of updates
+            alone = update is not None and refusal is None and update.l is None and not follows
             self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
             self._recall(asked, status[-n:])
             self._done(
@@ -649,6 +651,9 @@ class Aurora:
                 f"{self.survival:g} allows"
             )
         self._descriptor = update.descriptor
+        for emitter in self._emitters.emitters:
+            if hasattr(emitter, "updated"):
+                emitter.updated(self.archive, partial(_described, descriptor=self._descriptor))
         return None
 
     def _try_again(self, refusal: RefusedUpdate | None, *, tried: bool) -> str | None:
@@ -704,12 +709,12 @@ def _described(individuals: Columns, descriptor: Descriptor) -> Columns:
 
 
 def _all_of(batch: Columns, described: Columns, valid: np.ndarray) -> Columns:
-    """A batch with its descriptors, NaN where they are not valid, (n,) bool."""
-    d = described["descriptor"].shape[1] if "descriptor" in described else 0
-    descriptor = np.full((batch.rows, d), np.nan)
-    if d:
-        descriptor[valid] = described["descriptor"]
-    return batch.without("emitter") | {"descriptor": descriptor}
+    """A batch with its descriptors, and errors of reconstructions if there are any, NaN where not valid, (n,) bool."""
+    found: dict[str, np.ndarray] = {"descriptor": np.full((batch.rows, 0), np.nan)}
+    for name, values in described.only("descriptor", "reconstruction_error").items():
+        found[name] = np.full((batch.rows, *values.shape[1:]), np.nan)
+        found[name][valid] = values
+    return batch.without("emitter") | found
 
 
 def _without_parents(genotype: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ ARCHIVES = {
     "unstructured-elitist": lambda **options: auroraqd.UnstructuredArchive(l=0.05, competition="elitist", **options),
     "grid": lambda: auroraqd.GridArchive((18, 20), low=0, high=1),
     "cvt": lambda: auroraqd.CVTArchive(np.random.default_rng(9).random((350, 2))),
+    "dominated": lambda: auroraqd.DominatedArchive(400),
 }
 
 
@@ -85,7 +86,8 @@ def test_redescribe_by_a_column_of_its_own(archive):
     rows = individuals(300)
     for _ in range(3):  # replacements bring rows out of the order of ids
         archive.add(**{**rows, "fitness": rows["fitness"] + archive.fitness.sum()}, ground_truth=rows["descriptor"])
-    assert (np.diff(archive.id) < 0).any()
+    if not hasattr(archive, "score"):  # which lets those that go leave no gap
+        assert (np.diff(archive.id) < 0).any()
     archive.redescribe(archive.ground_truth)
     assert_array_equal(archive.descriptor, archive.ground_truth)
     archive.redescribe(archive.genotype[:, :2])
@@ -174,7 +176,7 @@ def test_redescribe_keeps_ids_and_curiosity(archive):
     oldest = archive.id[order[0]]
     before = len(archive)
     archive.redescribe(archive.descriptor * 0.5)
-    assert 0 < len(archive) < before
+    assert 0 < len(archive) < before + hasattr(archive, "score")  # whose number does not depend on the descriptors
     for identity, genotype, curiosity in zip(archive.id.tolist(), archive.genotype, archive.curiosity.tolist(), strict=True):
         assert by_id[identity] == (genotype.tolist(), curiosity)
     assert archive.id.min() >= oldest

@@ -683,14 +683,24 @@ def add(tree, batch, stored, size, rule, scratch):
             tree = build(stored.descriptor[:size])
 
 
-def novelties(tree, stored, k):
-    """Novelty of each stored point, the rows of `stored`, (n, d): mean distance to its k nearest, itself left out."""
-    out = np.empty(len(stored))
-    _novelties(tree, stored, k, scratch(k), out)
-    return out
+def novelties(tree, stored, k, rows):
+    """Novelty of some of the points that are stored, and how far the k-th neighbour is, for each.
+
+    Args:
+        tree: over the rows of `stored`.
+        stored: (n, d).
+        k: neighbours.
+        rows: (m,) int64, of whom.
+
+    Returns:
+        (m,) mean distances to the k nearest, oneself left out, and (m,) distances to the k-th, infinite where there are fewer.
+    """
+    novelty, reach = np.empty(len(rows)), np.empty(len(rows))
+    _novelties(tree, stored, k, scratch(k), rows, novelty, reach)
+    return novelty, reach
 
 
 @_kernel
-def _novelties(tree, stored, k, scratch, out):
-    for i in range(stored.shape[0]):
-        out[i], _ = _novelty(tree, stored[i], k, scratch)
+def _novelties(tree, stored, k, scratch, rows, novelty, reach):
+    for i in range(rows.shape[0]):
+        novelty[i], reach[i] = _novelty(tree, stored[rows[i]], k, scratch)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +11,24 @@ from numpy.typing import ArrayLike
 from auroraqd._checks import mapping, number, one_of, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.archives import _neighbours
+from auroraqd.archives._ranked import disturb
 from auroraqd.archives.base import Archive, Placement
 from auroraqd.individuals import Columns
 
 _MOST_ROWS = int(np.iinfo(np.int32).max)
+_WORTH = 0.5  # share of novelties out of date beyond which none is kept: nobody has asked for them lately
+
+
+class _Novelty(NamedTuple):
+    """Of each individual.
+
+    Attributes:
+        value: (n,) float64.
+        reach: (n,), squared distance within which another that comes or goes changes it; -1 where it is not known.
+    """
+
+    value: np.ndarray
+    reach: np.ndarray
 
 
 class UnstructuredArchive(Archive):
@@ -60,7 +74,7 @@ class UnstructuredArchive(Archive):
         self.reindex()
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_tree", "_stored", "_scratch")  # arrays of which some share memory, which a copy would undo
+        derived = ("_tree", "_stored", "_scratch", "_novel")  # arrays of which some share memory, which a copy would undo
         return {name: value for name, value in super().__getstate__().items() if name not in derived}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -139,13 +153,25 @@ class UnstructuredArchive(Archive):
             return staying
 
     def novelty(self) -> np.ndarray:
-        """(n,) float64: mean distance of each individual to its k nearest, itself left out."""
+        """(n,) float64: mean distance of each individual to its k nearest, itself left out.
+
+        Once it was asked for, it is measured again only where another has come or gone among the nearest.
+        """
         if len(self) == 0:
             return np.empty(0)
-        return _neighbours.novelties(self._tree, self.descriptor, self.k)
+        with self._lock:
+            known = self._novel
+            if known is None:
+                known = _Novelty(np.empty(len(self)), np.full(len(self), -1.0))
+            stale = np.flatnonzero(known.reach < 0)
+            known.value[stale], reach = _neighbours.novelties(self._tree, self.descriptor, self.k, stale)
+            known.reach[stale] = reach * reach * (1 + 1e-12) + 1e-300  # whatever the rounding
+            self._novel = known
+            return known.value.copy()
 
     def reindex(self) -> None:
         """As `Archive.reindex`."""
+        self._novel: _Novelty | None = None
         self._tree: _neighbours.Tree | None = None
         self._stored: _neighbours.Stored | None = None
         self._indexed = len(self)
@@ -184,4 +210,16 @@ class UnstructuredArchive(Archive):
         rule = _neighbours.Rule(self._l, self._k, self._epsilon, self._competition == "elitist", capacity)
         self._tree, self._indexed = _neighbours.add(tree, coming, stored, self._indexed, rule, self._scratch)
         self._stored = stored
+        if self._novel is not None:
+            self._novel = self._still(self._novel, np.unique(decided.row[decided.row >= 0]), stored.descriptor)
         return decided
+
+    def _still(self, known: _Novelty, changed: np.ndarray, descriptor: np.ndarray) -> _Novelty | None:
+        """What is known of novelties when these rows, ascending, have changed; None where that is not worth keeping."""
+        before = self.descriptor[changed[changed < len(self)]]
+        value, reach = np.empty(self._indexed), np.full(self._indexed, -1.0)
+        value[: len(self)], reach[: len(self)] = known
+        reach[changed] = -1.0
+        moved = np.concatenate([before, descriptor[changed]])
+        disturb(descriptor[: self._indexed], np.zeros(self._indexed), reach, moved, np.zeros(len(moved)))
+        return _Novelty(value, reach) if np.count_nonzero(reach < 0) < _WORTH * self._indexed else None

@@ -62,7 +62,20 @@ def run(
     seed: Annotated[int, typer.Option(help="The same seed gives the same run.")] = 0,
     out: OutOption = None,
     overwrite: OverwriteOption = False,
-    selection: Annotated[str, typer.Option(help="How parents are chosen: curiosity or uniform.")] = "curiosity",
+    emitter: Annotated[
+        str,
+        typer.Option(
+            help="What makes genotypes: genetic (selection, then variation); goals (random, sigma, first); novelty-search or "
+            "nslc (population, k); taxons (population, k, elite, first); with options like goals:random=0.2."
+        ),
+    ] = "genetic",
+    selection: Annotated[
+        str,
+        typer.Option(
+            help="How parents are chosen: curiosity, uniform, novelty, surprise (reconstruction error), or mixed (novelty or "
+            "surprise, by a coin for each batch)."
+        ),
+    ] = "curiosity",
     variation: Annotated[
         str,
         typer.Option(
@@ -74,7 +87,8 @@ def run(
         str,
         typer.Option(
             help="How l follows the descriptors: vat:cells=47124 (cells that they span), size:individuals=10000 (about how "
-            "many to store), fixed:l=0.05; auto: vat in one and two dimensions, size in more."
+            "many to store), csc:target=10000 (likewise, corrected in each generation), fixed:l=0.05; auto: vat in one and two "
+            "dimensions, size in more."
         ),
     ] = "auto",
     schedule: Annotated[
@@ -83,8 +97,8 @@ def run(
     archive: Annotated[
         str,
         typer.Option(
-            help="Where behaviours are kept: unstructured; grid (cells and bounds low, high of each dimension); cvt (cells, "
-            "samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0."
+            help="Where behaviours are kept: unstructured; dominated (capacity, k); grid (cells and bounds low, high of each "
+            "dimension); cvt (cells, samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0."
         ),
     ] = "unstructured",
     k: Annotated[int, typer.Option(help="Neighbours that make up the novelty.")] = 15,
@@ -123,6 +137,7 @@ def run(
         generations=generations,
         batch_size=batch_size,
         seed=seed,
+        emitter=s.strategy("emitter", emitter),
         selection=s.strategy("selection", selection),
         variation=s.strategy("variation", variation),
         resolution=s.strategy("resolution", resolution),
@@ -207,7 +222,7 @@ def resume(
 
 def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
     """What differs between settings and a run, in words, as far as the run itself says."""
-    names = ["seed", "batch_size", "selection", "variation", "schedule"]
+    names = ["seed", "batch_size", "schedule", *(["selection", "variation"] if settings.genetic else [])]
     given = {name: getattr(settings, name) for name in names}
     return [
         f"{name} {value} and not {getattr(aurora, name)}" for name, value in given.items() if value != getattr(aurora, name)
@@ -333,13 +348,15 @@ def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
 
 def compile_kernels(settings: "Settings") -> None:
     """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
-    from auroraqd.experiments.settings import GENOTYPE, PCA, TASKS, Unstructured
+    from auroraqd.experiments.settings import AUTOENCODER, GENOTYPE, PCA, TASKS, Dominated, Unstructured
 
     # A task of the user's own may take long, and do things: it is not called for this.
     task = settings.task if settings.task_kind in TASKS else "ballistic"
-    descriptor = PCA if settings.descriptor == PCA else GENOTYPE  # scikit-learn takes a second to import
+    learned = settings.descriptor_kind in (PCA, AUTOENCODER)
+    descriptor = PCA if learned else GENOTYPE  # scikit-learn takes a second to import
+    archive = Dominated(20) if isinstance(settings.archive, Dominated) else Unstructured()
     kernels = replace(
-        settings, task=task, descriptor=descriptor, components=1, pretrained=False, archive=Unstructured(), capacity=None
+        settings, task=task, descriptor=descriptor, components=1, pretrained=False, archive=archive, capacity=None
     )
     task, aurora = replace(kernels, batch_size=max(settings.batch_size, 20)).build()
     aurora.run(task, generations=3)

@@ -1,7 +1,8 @@
 """Resolution: how the distance threshold l of an unstructured archive follows the descriptors.
 
 A resolution is a callable `resolution(descriptors)` from (n, d) float64 to l, used at every update of the descriptor. One that
-aims at a number of individuals says so in an attribute `individuals`: an update that leaves as many has lost nothing.
+aims at a number of individuals says so in an attribute `individuals`: an update that leaves as many has lost nothing. One with
+a method `control(archive, generation)` moves l itself, after each generation; then it is called for the first l alone.
 
 In one and two dimensions `VAT` cuts the space that descriptors span into cells of one size. In more, nearly all of the volume
 of a ball is far from what was found, and as many cells of it leave few individuals; there `Size` asks for a number of them.
@@ -10,6 +11,7 @@ of a ball is far from what was found, and as many cells of it leave few individu
 import warnings
 from dataclasses import dataclass
 from math import exp, lgamma, log, pi
+from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -20,6 +22,9 @@ from auroraqd.descriptors.scaling import beyond
 
 _FAR = 2.0  # times as far from the middle as 99 of 100 descriptors: an archive spreads evenly, so 1.2 is what is seen
 _SAMPLE = 20_000  # descriptors that `Size` looks at, at most
+_GAIN, _REBUILT = 5e-6, 10  # of `CSC`: change of l for each individual too few, and generations between two rebuilds
+_LEAST = 1e-150  # l, of which the square is a number
+_FLAT = 1e-9  # side of a box, as a share of the longest, that is none
 
 
 @dataclass(frozen=True)
@@ -112,6 +117,55 @@ class Size:
         fall = log(apart[first] / apart[last]) / log((last + 2) / (first + 2)) if last > first else 1 / points.shape[1]
         fall = min(max(fall, 1 / points.shape[1]), 1.0)  # 1 / D
         return float(apart[last] * exp(fall * log((last + 2) / self.individuals)))
+
+
+@dataclass(frozen=True)
+class CSC:
+    """Container size control: l falls while fewer individuals are stored than wanted, and grows while more are [1].
+
+    After each generation l becomes l (1 - 5e-6 (target - n)), n the individuals stored. In every tenth all are added again,
+    with (1 - epsilon) l, epsilon that of the archive: no closer than that any two are by its rule, so those go that a larger l
+    has brought too close. The first l is half the side of a cube of which `target` fill the box of the descriptors along their
+    principal axes: 0.5 (V / target)^(1 / d), V and d of those axes along which descriptors differ.
+
+    [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
+
+    Args:
+        target: individuals to store.
+
+    Raises:
+        ValueError: it is no whole number, or below 1.
+    """
+
+    target: int = 10_000
+
+    def __post_init__(self) -> None:
+        whole("target", self.target)
+
+    @property
+    def individuals(self) -> int:
+        """The individuals that it aims at."""
+        return self.target
+
+    def __call__(self, descriptors: np.ndarray) -> float:
+        """The first l, from `descriptors`, (n, d), n >= 1; 0 if they are all the same."""
+        size = np.abs(descriptors).max() or 1.0  # squares neither overflow nor vanish
+        centred = descriptors / size - (descriptors / size).mean(axis=0)
+        _, axes = np.linalg.eigh(centred.T @ centred)
+        sides = np.ptp(centred @ axes, axis=0)
+        sides = sides[sides > _FLAT * sides.max()]
+        return float(size * 0.5 * np.exp(np.mean(np.log(sides)) - log(self.target) / len(sides))) if len(sides) else 0.0
+
+    def control(self, archive: Any, generation: int) -> None:
+        """Move l of an `UnstructuredArchive` with individuals, after this generation, the first being 1."""
+        l = archive.l or self(archive.descriptor)
+        if l == 0:  # there is one individual, or there are copies of it
+            return
+        l = max(l * max(1 - _GAIN * (self.target - len(archive)), 0.5), _LEAST)
+        if generation % _REBUILT == 0:
+            error = archive.reconstruction_error
+            archive.redescribe(archive.descriptor.copy(), reconstruction_error=error, l=(1 - archive.epsilon) * l)
+        archive.adjust(l)
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,17 @@ A selection is a callable `select(archive, n, rng)` that returns n rows of the a
 archive is not empty.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from auroraqd._checks import instance, whole
+from auroraqd._checks import function, instance, whole
 from auroraqd._compiled import compiled
 from auroraqd.archives.base import Archive
+from auroraqd.archives.unstructured import UnstructuredArchive
+from auroraqd.individuals import Individuals
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,65 @@ class Curiosity:
         return rng.integers(len(archive), size=n)
 
 
+@dataclass(frozen=True)
+class Novelty:
+    """Roulette over the novelty, the mean distance to the k nearest in descriptor space: in proportion to it [1].
+
+    An unstructured archive knows its novelties, by its own k; of another they are measured, with k = 15. Individuals are
+    equally likely while all novelties are 0.
+
+    [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
+    """
+
+    def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
+        """See the module docstring."""
+        _check(archive, n, rng)
+        return in_proportion(novelty(archive), n, rng)
+
+
+@dataclass(frozen=True)
+class Surprise:
+    """Roulette over the surprise, the error of the reconstruction from the descriptor: in proportion to it [1].
+
+    An error that is no finite number counts 0; individuals are equally likely while all are 0.
+
+    [1] G. Paolo, A. Laflaquiere, A. Coninx, S. Doncieux, Unsupervised Learning and Exploration of Reachable Outcome Space,
+    ICRA 2020.
+    """
+
+    def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
+        """See the module docstring.
+
+        Raises:
+            ValueError: the archive has no reconstruction errors.
+        """
+        _check(archive, n, rng)
+        return in_proportion(surprise(archive, "Surprise"), n, rng)
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """One of two selections, by one fair coin a batch [1].
+
+    [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
+
+    Args:
+        a, b: selections.
+    """
+
+    a: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Novelty)
+    b: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Surprise)
+
+    def __post_init__(self) -> None:
+        function("a", self.a)
+        function("b", self.b)
+
+    def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
+        """See the module docstring."""
+        _check(archive, n, rng)
+        return (self.a if rng.random() < 0.5 else self.b)(archive, n, rng)
+
+
 def _check(archive: Archive, n: int, rng: np.random.Generator) -> None:
     instance("archive", archive, Archive, "an archive of auroraqd")
     instance("rng", rng, np.random.Generator, "a generator of numpy.random")
@@ -50,6 +113,49 @@ def _check(archive: Archive, n: int, rng: np.random.Generator) -> None:
 
 
 _MOST = 10**9  # rows at once
+_NEIGHBOURS = 15
+
+
+def novelty(archive: Archive) -> np.ndarray:
+    """(n,) mean distance of each individual to its k nearest, by the k of the archive, or 15 where it has no novelty."""
+    if isinstance(archive, UnstructuredArchive):
+        return archive.novelty()
+    k = min(_NEIGHBOURS, len(archive) - 1)
+    if k < 1:
+        return np.zeros(len(archive))
+    distances, _ = KDTree(archive.descriptor).query(archive.descriptor, k + 1)
+    return distances[:, 1:].mean(axis=1)  # the first is its own, or that of a copy
+
+
+def surprise(individuals: Individuals, who: str) -> np.ndarray:
+    """(n,) reconstruction errors.
+
+    Raises:
+        ValueError: there are none; said of `who` asks.
+    """
+    error = individuals.reconstruction_error
+    if error is None:
+        raise ValueError(
+            f"{who} needs reconstruction errors, which descriptors give that are learned and have an inverse_transform, and "
+            "this one gives none"
+        )
+    return error
+
+
+def in_proportion(weights: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
+    """n rows, (n,) int64, each as likely as its weight, (m,) 0 or more; those that are not finite count 0.
+
+    Where all are 0, each is as likely as another.
+    """
+    weights = np.where(np.isfinite(weights), weights, 0.0)
+    largest = weights.max()
+    if largest == 0:
+        return rng.integers(len(weights), size=n)
+    ends = np.cumsum(weights / largest)
+    last = np.flatnonzero(weights)[-1]
+    return np.minimum(np.searchsorted(ends, rng.random(n) * ends[-1], side="right"), last)
+
+
 _BLOCK = 16
 
 

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from auroraqd._files import folder_at, read_table, replacing
 from auroraqd.control.resolution import VAT
 from auroraqd.experiments.replication import Point, Result
-from auroraqd.experiments.settings import Settings
+from auroraqd.experiments.settings import Genetic, Settings
 
 SETTINGS, RUNS, CURVES, FOLDERS = "settings.json", "runs.csv", "curves.csv", "runs"
 _MEASURES = "measures"  # the field whose entries are columns of their own
@@ -109,8 +109,8 @@ def _read_settings(path: Path) -> dict[str, Any]:
 
 
 def _as_now(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings that version 0.2.0 wrote, which set aside and refused nothing, as they are called now."""
-    earlier: dict[str, Any] = {"survival": 0.0, "robust": False, **settings}
+    """Settings that earlier versions wrote, as they are called now. Version 0.2.0 set aside and refused nothing."""
+    earlier: dict[str, Any] = {"survival": 0.0, "robust": False, "emitter": {"type": Genetic.__name__}, **settings}
     kept = earlier.get("resolution")
     if isinstance(kept, dict) and kept.get("type") == VAT.__name__:
         earlier["resolution"] = {"robust": False, **kept}

@@ -57,11 +57,12 @@ def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
     kind, _, options = text.partition(":")
     if kind not in kinds:
         raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {kind!r}")
-    types = {f.name: f.type for f in fields(kinds[kind])}
+    types = {f.name: f.type for f in fields(kinds[kind]) if isinstance(f.type, type)}  # others cannot be written
     given = {
         key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)
     }
-    missing = [f.name for f in fields(kinds[kind]) if f.default is MISSING and f.name not in given]
+    needed = [f.name for f in fields(kinds[kind]) if f.default is MISSING and f.default_factory is MISSING]
+    missing = [name for name in needed if name not in given]
     if missing:
         raise ValueError(f"{name} {kind!r} needs {missing[0]}: write {kind}:{missing[0]}=VALUE")
     return kinds[kind](**given)

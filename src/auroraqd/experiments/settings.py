@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from auroraqd import emitters
 from auroraqd._checks import MOST_SEED, number, whole
 from auroraqd.archives.base import Archive
 from auroraqd.archives.cvt import CVTArchive, tessellate
+from auroraqd.archives.dominated import DominatedArchive
 from auroraqd.archives.grid import GridArchive
 from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.aurora import SURVIVAL, Aurora
@@ -24,7 +26,12 @@ from auroraqd.tasks.noise import seeds_of
 TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
-_SINCE = {"survival": SURVIVAL, "robust": True, "asynchronous": False}  # settings that those of version 0.2.0 have not
+_SINCE = {  # settings that earlier versions have not
+    "survival": SURVIVAL,
+    "robust": True,
+    "asynchronous": False,
+    "emitter": {"type": "Genetic"},
+}
 _COMPETITION = ("k", "epsilon", "competition", "capacity", "l")
 
 
@@ -91,6 +98,26 @@ class CVT:
 
 
 @dataclass(frozen=True)
+class Dominated:
+    """A `DominatedArchive`.
+
+    Args:
+        capacity: individuals to store.
+        k: neighbours that make up the score.
+    """
+
+    capacity: int = 1000
+    k: int = 3
+
+    def __post_init__(self) -> None:
+        DominatedArchive(self.capacity, self.k)
+
+    def build(self, settings: "Settings", task: Any) -> Archive:
+        """The archive, empty."""
+        return DominatedArchive(self.capacity, self.k)
+
+
+@dataclass(frozen=True)
 class CVTPrior:
     """A `CVTArchive` whose centroids are the distinct observations of the task's prior data set."""
 
@@ -104,17 +131,42 @@ class CVTPrior:
         return CVTArchive(Scaling.of(prior).scaler(prior[0].size)(prior))
 
 
+@dataclass(frozen=True)
+class Genetic:
+    """The genetic emitter; its selection and variation are settings of their own."""
+
+
 STRATEGIES = {
-    "selection": {"curiosity": selection.Curiosity, "uniform": selection.Uniform},
+    "emitter": {
+        "genetic": Genetic,
+        "goals": emitters.Goals,
+        "novelty-search": emitters.NoveltySearch,
+        "nslc": emitters.NSLC,
+        "taxons": emitters.TAXONS,
+    },
+    "selection": {
+        "curiosity": selection.Curiosity,
+        "uniform": selection.Uniform,
+        "novelty": selection.Novelty,
+        "surprise": selection.Surprise,
+        "mixed": selection.Mixed,
+    },
     "variation": {"polynomial": variation.Polynomial, "gaussian": variation.Gaussian, "iso-line": variation.IsoLine},
     "resolution": {
         "auto": resolution.Automatic,
         "vat": resolution.VAT,
         "size": resolution.Size,
         "fixed": resolution.Fixed,
+        "csc": resolution.CSC,
     },
     "schedule": {"doubling": schedule.Doubling, "every": schedule.Every, "never": schedule.Never},
-    "archive": {"unstructured": Unstructured, "grid": Grid, "cvt": CVT, "cvt-prior": CVTPrior},
+    "archive": {
+        "unstructured": Unstructured,
+        "grid": Grid,
+        "cvt": CVT,
+        "cvt-prior": CVTPrior,
+        "dominated": Dominated,
+    },
 }
 
 
@@ -131,7 +183,8 @@ class Settings:
         pretrained: whether the descriptor is fitted once, on the prior data set of the task.
         generations, batch_size: the budget.
         seed: of all that is random.
-        selection, variation, resolution, schedule, archive: strategies.
+        emitter, selection, variation, resolution, schedule, archive: strategies; selection and variation are of the emitter
+            "genetic".
         l, k, epsilon, competition, capacity: of an unstructured archive; l only matters where the resolution never sets it.
         survival, robust: what updates of the descriptor must leave, and what they set aside; see `auroraqd.Aurora`.
         asynchronous: whether workers do not wait for each other; see `auroraqd.asynchronous`.
@@ -144,6 +197,7 @@ class Settings:
     generations: int = 5000
     batch_size: int = 200
     seed: int = 0
+    emitter: Any = field(default_factory=Genetic)
     selection: Any = field(default_factory=selection.Curiosity)
     variation: Any = field(default_factory=variation.Polynomial)
     resolution: Any = field(default_factory=resolution.Automatic)
@@ -182,6 +236,8 @@ class Settings:
         for name in ("components", "generations", "batch_size"):
             whole(name, getattr(self, name))
         whole("seed", self.seed, least=0, most=MOST_SEED)
+        if not self.genetic and (self.selection, self.variation) != (selection.Curiosity(), variation.Polynomial()):
+            raise ValueError(f"selection and variation are for the emitter 'genetic', and {self.emitter} has its own")
         if self.pretrained and kind in (HAND_CODED, GENOTYPE):
             raise ValueError(f"pretrained is for descriptors that are learned, not for {kind!r}")
         if self.pretrained and self._own is None and not hasattr(TASKS[self.task_kind], "prior"):
@@ -204,6 +260,11 @@ class Settings:
         """The descriptor without its parameters."""
         return self.descriptor.partition(":")[0]
 
+    @property
+    def genetic(self) -> bool:
+        """Whether selection and variation make the offspring, and no other emitter."""
+        return isinstance(self.emitter, Genetic)
+
     def build(self) -> tuple[Any, Aurora]:
         """The task, and an Aurora at generation 0.
 
@@ -217,8 +278,9 @@ class Settings:
             seed=self.seed,
             batch_size=self.batch_size,
             archive=self._archive(task),
-            selection=self.selection,
-            variation=self.variation,
+            selection=self.selection if self.genetic else None,
+            variation=self.variation if self.genetic else None,
+            emitter=None if self.genetic else self.emitter,
             resolution=self.resolution,
             schedule=self.schedule,
             prior=self._prior(task),
@@ -258,7 +320,7 @@ class Settings:
         if self.pretrained:
             return _asked(task, "prior", "pretrained needs a prior data set")
         # The cells of an archive stay where they are, so the scaling of whole observations must too.
-        fixed = self.descriptor == OBSERVATION and not isinstance(self.archive, Unstructured)
+        fixed = self.descriptor == OBSERVATION and not isinstance(self.archive, Unstructured | Dominated)
         return _bounds(task) if fixed else None
 
     def parameters(self) -> dict[str, Any]:
@@ -289,15 +351,23 @@ class Settings:
             raise ValueError(f"the settings have no {', '.join(missing)}")
         given = {name: values[name] for name in names}
         for name, kinds in STRATEGIES.items():
-            if not isinstance(given[name], Mapping):
-                raise ValueError(f"{name} must be an object with a type, got {given[name]!r}")
-            options = dict(given[name])
-            kind = options.pop("type", None)
-            classes = {c.__name__: c for c in kinds.values()}
-            if kind not in classes:
-                raise ValueError(f"{name} must be one of {', '.join(classes)}, got {kind!r}")
-            given[name] = classes[kind](**options)
+            given[name] = _made(name, kinds, given[name])
         return cls(**given)
+
+
+def _made(name: str, kinds: Mapping[str, Any], value: Any) -> Any:
+    """A strategy, and those that it is made of, from what `as_json` made of it."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name} must be an object with a type, got {value!r}")
+    options = dict(value)
+    kind = options.pop("type", None)
+    classes = {c.__name__: c for c in kinds.values()}
+    if kind not in classes:
+        raise ValueError(f"{name} must be one of {', '.join(classes)}, got {kind!r}")
+    for key, part in options.items():
+        if isinstance(part, Mapping):
+            options[key] = _made(key, STRATEGIES.get(key, kinds), part)
+    return classes[kind](**options)
 
 
 def _dimensions(settings: Settings, task: Any) -> int:

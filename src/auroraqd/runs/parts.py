@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 
 from auroraqd._checks import shown
-from auroraqd.archives import cvt, grid, unstructured
+from auroraqd.archives import cvt, dominated, grid, unstructured
 from auroraqd.archives.base import Archive
 from auroraqd.control import resolution, schedule
-from auroraqd.emitters import genetic, selection, variation
+from auroraqd.emitters import genetic, goals, population, ribs, selection, variation
 
 _HOMES = {
     "selection": [selection],
     "variation": [variation],
     "resolution": [resolution],
     "schedule": [schedule],
-    "emitter": [genetic],
-    "archive": [unstructured, grid, cvt],
+    "emitter": [genetic, goals, population, ribs],
+    "archive": [unstructured, grid, cvt, dominated],
 }
 
 
@@ -64,9 +64,15 @@ def made(name: str, value: Any, trusted: Sequence[str]) -> Any:
     kind = _kind(name, options.pop("type", None), trusted)
     if not isinstance(value, Mapping) or not is_dataclass(kind):
         raise ValueError(f"{name} was {shown(value)}, which is not of auroraqd: give it again, resume(..., {name}=...)")
-    for part in set(options) & set(_HOMES):
-        options[part] = made(part, options[part], trusted)
-    return kind(**options)  # pyright: ignore[reportCallIssue] - a type
+    for part, given in options.items():
+        if part in _HOMES:
+            options[part] = made(part, given, trusted)
+        elif isinstance(given, Mapping) and "type" in given:  # one of several alike
+            options[part] = made(name, given, trusted)
+    try:
+        return kind(**options)  # pyright: ignore[reportCallIssue] - a type
+    except TypeError as error:  # a function of the user's among them
+        raise ValueError(f"{name} was {shown(value)}: {error}; give it again, resume(..., {name}=...)") from None
 
 
 def archive_made(value: Mapping[str, Any], constants: Mapping[str, np.ndarray], given: Any, trusted: Sequence[str]) -> Archive:
