@@ -7,6 +7,7 @@ start itself, or is to get signals, is started by `subprocess`; so is everything
 
 import atexit
 import json
+import multiprocessing.process
 import os
 import runpy
 import signal
@@ -76,6 +77,7 @@ def _become(line: list[str], folder: str, environment: dict[str, str], files: li
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)
+    multiprocessing.process.ORIGINAL_DIR = folder  # from which processes that it starts find its file
     if warned:
         warnings.resetwarnings()
     if line[0] == "-m":
