@@ -161,6 +161,11 @@ def test_bad_tickets_change_nothing(spoil, message):
 def test_it_needs_workers():
     with pytest.raises(TypeError, match=r"task must be one over workers, of auroraqd\.evaluate\.over"):
         made().run(uneven_batch, generations=1, asynchronous=True)
+    with (
+        evaluate.over(evaluate.processes(1), uneven) as task,
+        pytest.raises(TypeError, match="task must be one over workers"),
+    ):  # what is within would be evaluated once, not twice
+        made().run(auroraqd.tasks.repeated(task, 2), generations=1, asynchronous=True)
 
 
 def wrong(genotypes):

@@ -455,7 +455,7 @@ class Aurora:
         function("task", task)
         budget = Budget(self, generations, evaluations, seconds, until_generation)
         known = None if initial is None else self._checked_genotypes("initial", initial)
-        if flag("asynchronous", asynchronous) and not callable(getattr(task, "stream", None)):
+        if flag("asynchronous", asynchronous) and not callable(getattr(type(task), "stream", None)):
             raise TypeError(f"task must be one over workers, of auroraqd.evaluate.over, to be asynchronous, got {shown(task)}")
         run(self, task, budget, known, callback, flag("progress", progress), asynchronous)
         return self
