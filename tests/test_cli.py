@@ -273,7 +273,10 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
             "samples must be a whole number, 10 or more, got 5",
         ),
         (["run", "ballistic", *PLAIN, "--archive", "grid:low=2"], "low must be below high"),
-        (["run", "ballistic", "--archive", "tree"], "archive must be one of unstructured, grid, cvt, cvt-prior, got 'tree'"),
+        (
+            ["run", "ballistic", "--archive", "tree"],
+            "archive must be one of unstructured, grid, cvt, cvt-prior, dominated, got 'tree'",
+        ),
         (["run", "ballistic", *PLAIN, "--generations", "0"], "generations must be a whole number, 1 or more"),
         (["run", "ballistic", "--generations", "many"], "integer"),
         (["run", "ballistic", *PLAIN, "--epsilon", "2"], "epsilon must be a finite number, 0 or more and below 1"),

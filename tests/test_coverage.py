@@ -164,15 +164,15 @@ def test_those_that_wait_are_told_once_they_are_described():
 def test_an_interrupt_after_it_was_told_loses_nothing():
     watch = Watches()
     aurora = auroraqd.Aurora(2, "hand-coded", seed=0, batch_size=5)
-    tell = aurora.tell
+    tell = aurora._tell_checked
 
-    def interrupted(*evaluation, **options):
-        tell(*evaluation, **options)
+    def interrupted(*arguments):
+        tell(*arguments)
         raise KeyboardInterrupt
 
-    aurora.tell = interrupted
+    aurora._tell_checked = interrupted
     with pytest.raises(KeyboardInterrupt):
         aurora.run(lambda genotypes: (np.ones(5), genotypes, genotypes), generations=2, callback=watch)
     assert watch.told_of == [0, 1, 2, 3, 4]
-    del aurora.tell
+    del aurora._tell_checked
     assert aurora.latest[0].rows == 5

@@ -249,6 +249,15 @@ def calls(folder):
         "VAT": Call(lambda: auroraqd.VAT, {}),
         "VAT()": Call(lambda: auroraqd.VAT(), {"descriptors": GOOD}),
         "Fixed": Call(lambda: auroraqd.Fixed, {"l": 1}),
+        "CSC": Call(lambda: auroraqd.CSC, {}),
+        "CSC()": Call(lambda: auroraqd.CSC(), {"descriptors": GOOD}),
+        "DominatedArchive": Call(lambda: auroraqd.DominatedArchive, {}),
+        "Novelty()": Call(lambda: auroraqd.Novelty(), {"archive": aurora.archive, "n": 2, "rng": generator}),
+        "Surprise()": Call(lambda: auroraqd.Surprise(), {"archive": aurora.archive, "n": 2, "rng": generator}, ("n", "rng")),
+        "Mixed": Call(lambda: auroraqd.Mixed, {}),
+        "emitters.Goals": Call(lambda: auroraqd.emitters.Goals, {}),
+        "emitters.NSLC": Call(lambda: auroraqd.emitters.NSLC, {}),
+        "emitters.TAXONS": Call(lambda: auroraqd.emitters.TAXONS, {}),
         "Size": Call(lambda: auroraqd.Size, {}),
         "Size()": Call(lambda: auroraqd.Size(), {"descriptors": GOOD}),
         "Doubling": Call(lambda: auroraqd.Doubling, {}),
@@ -313,6 +322,11 @@ ELSEWHERE = {  # public names that no call of their own: values, errors, and wha
     "tasks.Gym",  # in test_gym.py, for it is an extra
     "archives",  # what is public in it is public here
     "emitters",
+    "callbacks",  # in test_loggers.py and others
+    "testing",
+    "DominatedArchive.place",
+    "DominatedArchive.reindex",
+    "DominatedArchive.score",
     "UnstructuredArchive.place",  # what an archive asks itself
     "UnstructuredArchive.reindex",
 }
@@ -707,6 +721,8 @@ EDITED = {
     "capacity": 100,
     "survival": 0.5,
     "robust": False,
+    "emitter": {"type": "Goals", "random": 0.2, "sigma": 0.05, "first": 100},
+    "asynchronous": True,
     "environment": {"python": "2.7"},
     "provenance": {"task": {"module": "elsewhere", "name": "Ballistic"}},
 }

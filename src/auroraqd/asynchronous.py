@@ -67,7 +67,8 @@ def replay(aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callbac
 
     Args:
         aurora: as that one was made, at its beginning.
-        task: of that one, or over any workers: results must not depend on them.
+        task: of that one, or over any workers: results must not depend on them. What was invalid then, by the task or by the
+            loss of a worker, is not evaluated again.
         events: of that one, (n, 2); see `Aurora.events`.
         callback: as in `Aurora.run`.
 
@@ -89,7 +90,7 @@ def _replay(aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callba
     proposals: dict[int, Proposal] = {}  # by their numbers
     known: dict[int, Evaluation] = {}  # by ticket: what has been evaluated and not told
     waiting: list[Proposal] = []
-    invalid: list[int] = []
+    lost = {value for kind, value in np.asarray(events).tolist() if kind == Event.INVALID}
     for kind, value in np.asarray(events).tolist():
         before = aurora.generation
         if kind == Event.ASKED:
@@ -103,7 +104,7 @@ def _replay(aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callba
                 evaluation = evaluated(task, genotypes, aurora.seeds if seeded else None, where)
                 tell(aurora, name_of(task), evaluation, callbacks)
         elif kind == Event.INVALID:
-            invalid.append(value)
+            continue
         elif value not in proposals:
             raise ValueError(f"events must be those of a run like this one, and there is no proposal {value} in it")
         elif kind == Event.WITHDRAWN:
@@ -111,21 +112,26 @@ def _replay(aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callba
         else:
             proposal = proposals.pop(value)
             if proposal.ticket not in known:
-                known.update(_evaluated(task, waiting, seeded, f"at generation {aurora.generation}"))
+                known.update(_evaluated(task, waiting, lost, seeded, f"at generation {aurora.generation}"))
                 waiting = []
-            evaluation = known.pop(proposal.ticket)
-            fitness = evaluation.fitness.copy()
-            fitness[[number - proposal.first for number in invalid]] = np.nan
-            invalid = []
-            tell(aurora, name_of(task), evaluation._replace(fitness=fitness), callbacks, proposal.ticket)
+            tell(aurora, name_of(task), known.pop(proposal.ticket), callbacks, proposal.ticket)
         if aurora.generation > before and callbacks.generation(aurora):
             return
 
 
-def _evaluated(task: Callable, proposals: list[Proposal], seeded: bool, when: str) -> dict[int, Evaluation]:
-    """The evaluations of proposals, at once, by their tickets."""
-    seeds = np.concatenate([proposal.seeds for proposal in proposals]) if seeded else None
-    together = evaluated(task, np.concatenate([proposal.genotype for proposal in proposals]), seeds, when)
+def _evaluated(task: Callable, proposals: list[Proposal], lost: set[int], seeded: bool, when: str) -> dict[int, Evaluation]:
+    """The evaluations of proposals, at once, by their tickets; those of lost numbers are invalid."""
+    genotypes = np.concatenate([proposal.genotype for proposal in proposals])
+    seeds = np.concatenate([proposal.seeds for proposal in proposals])
+    there = np.array([number not in lost for proposal in proposals for number in proposal.born.tolist()])
+    found = evaluated(task, genotypes[there], seeds[there] if seeded else None, when)
     ends = np.cumsum([len(proposal.genotype) for proposal in proposals])[:-1]
-    parts = [[None] * len(proposals) if column is None else np.split(column, ends) for column in together]
+    parts = [[None] * len(proposals) if c is None else np.split(_spread(c, there), ends) for c in found]
     return {p.ticket: Evaluation(*columns) for p, *columns in zip(proposals, *parts, strict=True)}
+
+
+def _spread(rows: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Rows where they belong, (n,) bool; NaN, or 0 where there is none, elsewhere."""
+    column = np.full((len(there), *rows.shape[1:]), np.nan if rows.dtype.kind == "f" else 0, rows.dtype)
+    column[there] = rows
+    return column

@@ -56,7 +56,7 @@ those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _MOST = 10**8  # genes, and individuals of a batch
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
-_TICKETS, _RUNS = 40, 2**22  # bits for those of one run; runs that are told apart, by their seeds
+_TICKETS, _RUNS = 32, 2**20  # exact as floats too: bits for those of one run; runs that are told apart, by their seeds
 
 
 class Aurora:
@@ -273,7 +273,7 @@ class Aurora:
         Raises:
             ValueError: there is none with this ticket; see `tell`.
         """
-        asked = self._asked_for(ticket)
+        asked = self._asked_for(whole("ticket", ticket, least=0))
         with uninterrupted():
             self._forget(asked)
             if not asked.alone:
@@ -438,8 +438,8 @@ class Aurora:
                 of the methods of `auroraqd.callbacks`. Of several, a sequence, all are called, in order.
             progress: whether to show how it goes: a bar on a terminal, a line every ten seconds elsewhere, on standard error.
             asynchronous: whether a worker that is free gets new offspring at once, instead of waiting for its generation. The
-                task must be one of `auroraqd.evaluate.over`. Then `batch_size` individuals told are a generation; see
-                `auroraqd.asynchronous`.
+                task must be one of `auroraqd.evaluate.over`. Then `batch_size` individuals told are a generation, and a budget
+                of evaluations is kept to the last one; see `auroraqd.asynchronous`.
 
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
@@ -520,7 +520,9 @@ class Aurora:
         scheduled = self._update_due or (begins and self.schedule(self.generation))
         first_fit = not self._descriptor.ready
         enough = self._descriptor.rows_to_fit(batch["observation"][0].size)
-        if first_fit and individuals.rows + len(self.archive) < enough:
+        # Told in parts, the first generation is waited for: neither a descriptor nor l is to be made of its first few.
+        begun = not asked.alone and self.generation == 0 and self._part + n < self.batch_size
+        if begun or (first_fit and individuals.rows + len(self.archive) < enough):
             return self._wait(asked, batch, valid, scheduled)
         update, refusal = None, None
         if scheduled or first_fit or (begins and self._attempts.due == self.generation):

@@ -27,7 +27,7 @@ def run(
     if how is not None:
         warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
     with _shown(aurora, budget) if progress else nullcontext() as show:
-        both = callbacks if show is None else Callbacks([callbacks, show])
+        both = callbacks if show is None else callbacks.and_then(show)
         both.start(aurora)
         try:
             _run(aurora, task, budget, known, both, in_parts)

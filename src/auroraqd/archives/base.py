@@ -280,15 +280,18 @@ class Archive(Individuals, ABC):
     def _decide(self, batch: Columns) -> Placement:
         """What `place` decides, which must make sense. If not, or if it raises, the archive is as before."""
         try:
-            placement = Placement(*self.place(batch))
-            problem = _problem(placement, batch.rows, len(self))
+            found = self.place(batch)
+            problem = "must return a Placement, of status and row and perhaps evicted, got " + shown(found)
+            if isinstance(found, tuple) and len(found) in (2, 3):
+                found = Placement(*found)
+                problem = _problem(found, batch.rows, len(self))
         except BaseException:
             self.reindex()
             raise
         if problem is not None:
             self.reindex()
             raise ValueError(f"{type(self).__name__}.place {problem}")
-        return placement
+        return found
 
     def _check(self, batch: Columns) -> None:
         """Raise ValueError unless these columns can be added."""

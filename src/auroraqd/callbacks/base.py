@@ -42,6 +42,10 @@ class Callbacks:
         self._several = several
         self._descriptor: Any = None
 
+    def and_then(self, last: Any) -> Callbacks:
+        """These, and another after them."""
+        return Callbacks([*self._several, last])
+
     def start(self, aurora: Any) -> None:
         """The run begins."""
         self._descriptor = aurora.descriptor

@@ -149,6 +149,7 @@ class CSC:
 
     def __call__(self, descriptors: np.ndarray) -> float:
         """The first l, from `descriptors`, (n, d), n >= 1; 0 if they are all the same."""
+        descriptors = _points(descriptors)
         size = np.abs(descriptors).max() or 1.0  # squares neither overflow nor vanish
         centred = descriptors / size - (descriptors / size).mean(axis=0)
         _, axes = np.linalg.eigh(centred.T @ centred)

@@ -7,7 +7,7 @@ An emitter has one method, and may have more:
                                     reconstruction error of invalid ones NaN, and their `Info`, after the archive has taken them
     updated(archive, describe)      the descriptor has changed; `describe` adds the new one, and the reconstruction error if it
                                     gives one, to any `Columns` of individuals
-    state, restore(state)           what it remembers, as a dict of JSON values and arrays, for checkpoints
+    state(), restore(state)         what it remembers, as a dict of JSON values and arrays, for checkpoints
 
 It is not asked while nothing is stored, when genotypes are random, unless it has a true attribute `starts`. `Aurora` copies
 what it is given, so that an emitter belongs to one run.

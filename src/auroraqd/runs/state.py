@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from auroraqd._checks import shown
 from auroraqd.archives.base import Archive
 from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.aurora import SURVIVAL, Aurora
@@ -94,7 +95,10 @@ def _joined(proposals: Sequence[Proposal]) -> dict[str, np.ndarray]:
 
 def _state_of_emitter(emitter: Any) -> State:
     """What an emitter remembers, JSON values and arrays apart."""
-    found = dict(emitter.state()) if hasattr(emitter, "state") else {}
+    state: Any = getattr(emitter, "state", dict)
+    if not callable(state):
+        raise TypeError(f"emitter {type(emitter).__name__} must have a method state(), got {shown(state)}")
+    found: dict[str, Any] = dict(state())
     arrays = {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
     return State({name: value for name, value in found.items() if name not in arrays}, arrays)
 

@@ -272,6 +272,8 @@ def _traced(name: str, value: Any) -> Any:
     import jax
 
     try:
+        if value is None:  # earlier versions of JAX take it for NaN
+            raise TypeError
         return jax.numpy.asarray(value)
     except (TypeError, ValueError):
         raise ValueError(f"{name} of a genotype must be numbers, got {shown(value)}") from None
