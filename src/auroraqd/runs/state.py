@@ -95,10 +95,9 @@ def _joined(proposals: Sequence[Proposal]) -> dict[str, np.ndarray]:
 
 def _state_of_emitter(emitter: Any) -> State:
     """What an emitter remembers, JSON values and arrays apart."""
-    state: Any = getattr(emitter, "state", dict)
-    if not callable(state):
-        raise TypeError(f"emitter {type(emitter).__name__} must have a method state(), got {shown(state)}")
-    found: dict[str, Any] = dict(state())
+    if not callable(getattr(emitter, "state", dict)):
+        raise TypeError(f"emitter {type(emitter).__name__} must have a method state(), got {shown(emitter.state)}")
+    found = dict(emitter.state()) if hasattr(emitter, "state") else {}
     arrays = {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
     return State({name: value for name, value in found.items() if name not in arrays}, arrays)
 
