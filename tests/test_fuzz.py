@@ -303,7 +303,7 @@ def calls(folder):
         found[f"{kind}.rows_of"] = Call(of(full, "rows_of"), {"ids": [0]})
         before = {"columns": {name: getattr(full, name) for name in stored}, "state": full.state}
         found[f"{kind}.restore"] = Call(of(full, "restore"), before, unnamed=("state",))
-        if kind != "UnstructuredArchive":
+        if hasattr(full, "cell_of"):
             found[f"{kind}.cell_of"] = Call(of(full, "cell_of"), {"descriptor": GOOD})
     return found
 
