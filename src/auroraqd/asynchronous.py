@@ -7,7 +7,8 @@ when depends on the workers, so the order is kept: a run is repeated bit for bit
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,20 +37,29 @@ def run(aurora: Aurora, task: Any, budget: Budget, known: np.ndarray | None, cal
 
         for proposal in aurora.out:  # of a call that ended before
             submit(proposal)
+        if known is not None:
+            submit(aurora._ask(known, alone=False))
         while True:
-            try:
-                if known is not None:
-                    submit(aurora._ask(known, alone=False))
-                    known = None
-                while (n := min(stream.chunk, budget.left())) > 0 and stream.wanted:
+            with _said_of(name, aurora):
+                wanted, chunk = stream.wanted, stream.chunk
+            for _ in range(wanted):
+                if (n := min(chunk, budget.left())) > 0:
                     submit(aurora.ask(n))
-                if not stream.open:
-                    return
+            if not stream.open:
+                return
+            with _said_of(name, aurora):
                 finished = stream.finished()
-            except (ValueError, RuntimeError) as error:
-                raise TaskError(f"task {name} at generation {aurora.generation}: {error}") from error
             if _told(aurora, name, finished, callbacks):
                 return
+
+
+@contextmanager
+def _said_of(task: str, aurora: Aurora) -> Iterator[None]:
+    """What workers raise is said of the task."""
+    try:
+        yield
+    except (ValueError, RuntimeError) as error:
+        raise TaskError(f"task {task} at generation {aurora.generation}: {error}") from error
 
 
 def _told(aurora: Aurora, name: str, finished: list[tuple[int, Evaluation]], callbacks: Callbacks) -> bool:
@@ -90,8 +100,9 @@ def _replay(aurora: Aurora, task: Callable[..., Any], events: np.ndarray, callba
     proposals: dict[int, Proposal] = {}  # by their numbers
     known: dict[int, Evaluation] = {}  # by ticket: what has been evaluated and not told
     waiting: list[Proposal] = []
-    lost = {value for kind, value in np.asarray(events).tolist() if kind == Event.INVALID}
-    for kind, value in np.asarray(events).tolist():
+    happened = np.asarray(events).tolist()
+    lost = {value for kind, value in happened if kind == Event.INVALID}
+    for kind, value in happened:
         before = aurora.generation
         if kind == Event.ASKED:
             proposal = aurora.ask(value)

@@ -21,15 +21,16 @@ from auroraqd.individuals import Columns
 _KEPT = ("genotype", "fitness", "observation", "ground_truth", "descriptor", "reconstruction_error", "born", "id")
 
 
+@dataclass
 class _Bred:
     """What emitters with a population share.
 
     `_best_first` puts individuals in order; the population is kept in it.
     """
 
-    population: int
-    k: int
-    variation: Callable[[np.ndarray, np.random.Generator], np.ndarray]
+    population: int = 100
+    k: int = 15
+    variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(default_factory=Polynomial)
 
     def __post_init__(self) -> None:
         whole("population", self.population)
@@ -100,10 +101,6 @@ class NoveltySearch(_Bred):
         TypeError, ValueError: one is of the wrong kind or out of range.
     """
 
-    population: int = 100
-    k: int = 15
-    variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(default_factory=Polynomial)
-
     def _best_first(self, individuals: Columns, archive: Archive) -> np.ndarray:
         novelty, _ = _novelty(individuals, archive, self.k)
         return np.argsort(-novelty, kind="stable")
@@ -122,10 +119,6 @@ class NSLC(_Bred):
     Raises:
         TypeError, ValueError: one is of the wrong kind or out of range.
     """
-
-    population: int = 100
-    k: int = 15
-    variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(default_factory=Polynomial)
 
     def _best_first(self, individuals: Columns, archive: Archive) -> np.ndarray:
         novelty, outdone = _novelty(individuals, archive, self.k)
@@ -151,8 +144,6 @@ class TAXONS(_Bred):
         TypeError, ValueError: one is of the wrong kind or out of range.
     """
 
-    population: int = 100
-    k: int = 15
     variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(
         default_factory=lambda: Gaussian(sigma=0.05, rate=0.2)
     )
