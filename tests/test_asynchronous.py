@@ -199,6 +199,30 @@ def test_a_task_that_is_wrong_is_named():
         made().run(task, generations=1, asynchronous=True)
 
 
+def hopeless(genotypes):
+    raise OSError("no such robot")
+
+
+@pytest.mark.parametrize(("evaluations", "failed"), [(7, "7"), (1000, "3[2-9]")])
+def test_a_task_that_always_fails_ends_the_run(evaluations, failed):
+    with (
+        evaluate.over(evaluate.processes(2), hopeless, retries=0) as task,
+        pytest.raises(auroraqd.TaskError, match=f"all of {failed} individuals failed, the last: OSError: no such robot"),
+    ):
+        made().run(task, evaluations=evaluations, asynchronous=True)
+
+
+def refusing(archive, n, rng):
+    raise ValueError("not today")
+
+
+def test_an_emitter_that_fails_is_not_said_of_the_task(spread):
+    aurora = made(selection=refusing)
+    with pytest.raises(ValueError, match="not today"):
+        aurora.run(spread, evaluations=60, asynchronous=True)
+    assert aurora.evaluations >= 20, "what was found before stays"
+
+
 def test_a_few_more_than_workers_are_out_where_evaluations_are_short(spread):
     spread._seconds = 0.002
     with Stream(spread) as stream:

@@ -45,12 +45,12 @@ def run(aurora: Aurora, task: Any, budget: Budget, known: np.ndarray | None, cal
             for _ in range(wanted):
                 if (n := min(chunk, budget.left())) > 0:
                     submit(aurora.ask(n))
-            if not stream.open:
-                return
             with _said_of(name, aurora):
+                if not stream.open:
+                    return stream.end()
                 finished = stream.finished()
             if _told(aurora, name, finished, callbacks):
-                return
+                return None
 
 
 @contextmanager

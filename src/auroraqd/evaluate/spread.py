@@ -410,9 +410,13 @@ class _Batch:
             queue.extend(piece.halves())
         else:
             self.invalid[piece.start] = piece, reason
-            most = _HANGING if self._hanging and self._spread._seconds is None else _HOPELESS
-            if not self._succeeded and len(self.invalid) >= min(most, self._size):
-                raise RuntimeError(f"all of {len(self.invalid)} individuals failed, the last: {reason}")
+            self._check_hope(len(self.invalid), reason)
+
+    def _check_hope(self, failed: int, reason: str) -> None:
+        """Raise RuntimeError where so many individuals failed, and none did not, that it is not their fault."""
+        most = _HANGING if self._hanging and self._spread._seconds is None else _HOPELESS
+        if not self._succeeded and failed >= min(most, self._size):
+            raise RuntimeError(f"all of {failed} individuals failed, the last: {reason}")
 
     def evaluation(self) -> Evaluation:
         """Of all, in order; rows of those that failed are invalid."""
@@ -476,8 +480,8 @@ class Stream(_Batch):
 
     @property
     def open(self) -> int:
-        """Submissions that are not finished."""
-        return len(self._open) + len(self._lost)
+        """Submissions that workers are not done with."""
+        return len(self._open)
 
     @property
     def wanted(self) -> int:
@@ -524,9 +528,23 @@ class Stream(_Batch):
         ready = [*self._lost, *ready]
         if self._template is None:
             self._lost = ready
+            self._check_lost()
             return []
         self._lost = []
         return [(submission.key, self._evaluation(submission)) for submission in ready]
+
+    def end(self) -> None:
+        """Nothing more will be submitted, and nothing is open.
+
+        Raises:
+            RuntimeError: all that was submitted has failed.
+        """
+        self._size = 1  # there will be no others that may do better
+        self._check_lost()
+
+    def _check_lost(self) -> None:
+        if self._lost:
+            self._check_hope(sum(submission.piece.size for submission in self._lost), self._lost[-1].invalid[-1][1])
 
     def _evaluation(self, submission: "_Submission") -> Evaluation:
         assert self._template is not None
