@@ -219,7 +219,7 @@ def refusing(archive, n, rng):
 def test_an_emitter_that_fails_is_not_said_of_the_task(spread):
     aurora = made(selection=refusing)
     with pytest.raises(ValueError, match="not today"):
-        aurora.run(spread, evaluations=60, asynchronous=True)
+        aurora.run(spread, evaluations=5000, asynchronous=True)  # more than may be asked for before the first are told
     assert aurora.evaluations >= 20, "what was found before stays"
 
 

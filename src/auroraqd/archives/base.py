@@ -281,10 +281,11 @@ class Archive(Individuals, ABC):
         """What `place` decides, which must make sense. If not, or if it raises, the archive is as before."""
         try:
             found = self.place(batch)
-            problem = "must return a Placement, of status and row and perhaps evicted, got " + shown(found)
             if isinstance(found, tuple) and len(found) in (2, 3):
                 found = Placement(*found)
                 problem = _problem(found, batch.rows, len(self))
+            else:
+                problem = f"must return a Placement, of status and row and perhaps evicted, got {shown(found)}"
         except BaseException:
             self.reindex()
             raise
