@@ -56,6 +56,8 @@ those of auto-encoders the fewest; of fewer than 100 in five dimensions 0.4 were
 _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID: "invalid"}
 _MOST = 10**8  # genes, and individuals of a batch
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
+_NO_ERROR = np.empty(0)
+_NOTHING = Info(np.empty(0, np.int8), np.empty(0, np.int64), np.empty(0, np.int64))
 _TICKETS, _RUNS = 32, 2**20  # exact as floats too: bits for those of one run; runs that are told apart, by their seeds
 
 
@@ -372,7 +374,7 @@ class Aurora:
 
         None before there are any. Those that wait for the first fit of the descriptor are among them once it is fitted.
         """
-        return None if self._latest is None else (_all_of(*self._latest[:3]), self._latest[3])
+        return None if self._latest is None else (_all_of(*self._latest), self._latest[3])
 
     @property
     def pending(self) -> np.ndarray | None:
@@ -514,45 +516,47 @@ class Aurora:
         )
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
-        valid = finite_rows(batch["fitness"]) & self._descriptor.readable(batch)
-        individuals = batch.take(valid)
+        readable = self._descriptor.readable(batch)
+        valid = finite_rows(batch["fitness"]) & readable
         begins = asked.alone or self._part == 0  # a generation
         scheduled = self._update_due or (begins and self.schedule(self.generation))
         first_fit = not self._descriptor.ready
-        enough = self._descriptor.rows_to_fit(batch["observation"][0].size)
         # Told in parts, the first generation is waited for: neither a descriptor nor l is to be made of its first few.
         begun = not asked.alone and self.generation == 0 and self._part + n < self.batch_size
-        if begun or (first_fit and individuals.rows + len(self.archive) < enough):
+        if begun or (first_fit and self._too_few(batch, valid)):
             return self._wait(asked, batch, valid, scheduled)
         update, refusal = None, None
         if scheduled or first_fit or (begins and self._attempts.due == self.generation):
             try:
-                update = self._updated(individuals)
+                update = self._updated(batch.take(valid))
             except RefusedUpdate as error:
                 refusal = error
         if refusal is not None and first_fit:
             if self._attempts.refused == FIRST_FITS:
                 raise DescriptorError(f"{refusal}; it was tried {FIRST_FITS} times before, with fewer individuals") from refusal
             return self._wait(asked, batch, valid, scheduled, refusal)
-        described = _described(individuals, self._descriptor if update is None else update.descriptor)
+        # What is invalid by its fitness alone is left to the archive: all observations in one piece need no copy.
+        legible = batch.chosen(readable)
+        described = _described(legible, self._descriptor if update is None else update.descriptor)
         # Up to here anything may raise, or be interrupted: fitting takes long. From here on the state changes.
         with uninterrupted():
             if update is not None and (refusal := self._take(update)) is not None:
-                described = _described(individuals, self._descriptor)
+                described = _described(legible, self._descriptor)
             said = self._try_again(refusal, tried=update is not None)
-            status = self._added(batch, described, valid)
+            status = self._added(batch, described, valid, readable)
             self.archive.credited(batch["parent"], status)
             follows = self.resolution is None or hasattr(self.resolution, "control")  # l is no matter of updates
             alone = update is not None and refusal is None and update.l is None and not follows
             self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
             self._recall(asked, status[-n:])
-            self._done(
-                asked,
-                status,
-                np.nan if first_fit or "reconstruction_error" not in described else _mean(described["reconstruction_error"]),
-            )
+            errors = None if first_fit else described.get("reconstruction_error")
+            self._done(asked, status, _NO_ERROR if errors is None else errors[valid[readable]])
         _say(said)
         return status[-n:]
+
+    def _too_few(self, batch: Columns, valid: np.ndarray) -> bool:
+        """Whether the descriptor cannot be fitted on what is stored and, (n,) bool, those of a batch that are valid."""
+        return int(valid.sum()) + len(self.archive) < self._descriptor.rows_to_fit(batch["observation"][0].size)
 
     def _wait(
         self, asked: Asked, batch: Columns, valid: np.ndarray, scheduled: bool, refusal: RefusedUpdate | None = None
@@ -563,23 +567,23 @@ class Aurora:
             self._update_due, self._waiting = scheduled, batch.take(valid).copied()
             status = np.where(valid, REJECTED, INVALID).astype(np.int8)
             self._recall(asked, status[-len(asked.proposal.genotype) :])
-            self._done(asked, status[~valid], np.nan)
+            self._done(asked, status[~valid], _NO_ERROR)
         _say(said)
         return status[-len(asked.proposal.genotype) :]
 
-    def _added(self, batch: Columns, described: Columns, valid: np.ndarray) -> np.ndarray:
-        """Add those that are valid, (n,) of the batch, and tell the emitters what became of all."""
-        info = Info(np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1), np.empty(0, np.int64))
-        if described.rows:
-            found = self.archive.insert(described, True)
-            if found.status.shape == valid.shape:
-                info = found
-            else:
-                info.status[valid], info.row[valid] = found.status, found.row
-                info = info._replace(removed=found.removed)
-        self._latest = batch, described, valid, info
+    def _added(self, batch: Columns, described: Columns, valid: np.ndarray, readable: np.ndarray) -> np.ndarray:
+        """Add those of a batch that are valid, (n,) bool, and tell the emitters what became of all.
+
+        Described are those that are readable, (n,) bool.
+        """
+        info = self.archive.insert(described, valid[readable]) if described.rows else _NOTHING
+        if described.rows < batch.rows:
+            status, row = np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1)
+            status[readable], row[readable] = info.status, info.row
+            info = Info(status, row, info.removed)
+        self._latest = batch, described, readable, info
         listening = [which for which, emitter in enumerate(self._emitters.emitters) if hasattr(emitter, "tell")]
-        told = _all_of(batch, described, valid) if listening else batch
+        told = _all_of(batch, described, readable, info) if listening else batch
         for which in listening:
             rows = batch["emitter"] == which
             if rows.any():
@@ -597,8 +601,10 @@ class Aurora:
         elif self._events:
             self._happened(Event.ALONE, 1)
 
-    def _done(self, asked: Asked, status: np.ndarray, rmse: float) -> None:
-        """Count individuals that were given this status, and whose own had this error; record the generation if it is one."""
+    def _done(self, asked: Asked, status: np.ndarray, error: np.ndarray) -> None:
+        """Count individuals that were given this status, and of which these, (m,), are the errors of reconstruction; record the
+        generation if it is one.
+        """
         counts = np.bincount(status - INVALID, minlength=len(_STATUS_NAMES)).tolist()  # INVALID is the lowest
         for value, name in _STATUS_NAMES.items():
             self._counts[name] += counts[value - INVALID]
@@ -615,7 +621,7 @@ class Aurora:
         self.generation += 1
         if len(self.archive) and hasattr(self.resolution, "control"):
             self.resolution.control(self.archive, self.generation)
-        self._record(rmse)
+        self._record(error)
 
     def _updated(self, individuals: Columns) -> Update | None:
         """What an update would change: on all that is stored, or, while nothing is, on the individuals about to be added; None
@@ -672,7 +678,8 @@ class Aurora:
             then = "individuals wait for the next batch, with which it is tried again"
         return f"no update of the descriptor at generation {self.generation}: {refusal}; {then}"
 
-    def _record(self, rmse: float) -> None:
+    @np.errstate(over="ignore")  # of the largest numbers the mean is infinite
+    def _record(self, new_error: np.ndarray) -> None:
         error, fitness = self.archive.reconstruction_error, self.archive.fitness
         self.history.append(
             Record(
@@ -685,15 +692,14 @@ class Aurora:
                 max_fitness=float(fitness.max()) if len(fitness) else np.nan,
                 rmse=np.nan if error is None else _mean(error),
                 refused=self._refused,
-                rmse_new=rmse,
+                rmse_new=_mean(new_error),
                 seconds=self._seconds,
             )
         )
 
 
 def _mean(values: np.ndarray) -> float:
-    with np.errstate(over="ignore"):  # of the largest numbers the mean is infinite
-        return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
+    return float(np.add.reduce(values)) / len(values) if len(values) else np.nan
 
 
 def _say(warning: str | None) -> None:
@@ -707,15 +713,18 @@ def _described(individuals: Columns, descriptor: Descriptor) -> Columns:
         return Columns({})
     values, error = descriptor.describe(individuals)
     found = {"descriptor": values} if error is None else {"descriptor": values, "reconstruction_error": error}
-    return Columns({**{name: column for name, column in individuals.items() if name != "emitter"}, **found})
+    return individuals.without("emitter") | found
 
 
-def _all_of(batch: Columns, described: Columns, valid: np.ndarray) -> Columns:
-    """A batch with its descriptors, and errors of reconstructions if there are any, NaN where not valid, (n,) bool."""
+def _all_of(batch: Columns, described: Columns, readable: np.ndarray, info: Info) -> Columns:
+    """A batch with its descriptors, and errors of reconstructions if there are any, NaN where invalid; what is readable, (n,)
+    bool, is described.
+    """
     found: dict[str, np.ndarray] = {"descriptor": np.full((batch.rows, 0), np.nan)}
     for name, values in described.only("descriptor", "reconstruction_error").items():
         found[name] = np.full((batch.rows, *values.shape[1:]), np.nan)
-        found[name][valid] = values
+        found[name][readable] = values
+        found[name][info.status == INVALID] = np.nan
     return batch.without("emitter") | found
 
 

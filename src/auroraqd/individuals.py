@@ -46,53 +46,68 @@ KNOWN: dict[str, Kind] = {
 }
 
 
+_NONE = np.empty(0, np.int64)
+
+
 class Columns(Mapping[str, np.ndarray]):
     """Arrays of one length by name. A value: what changes it gives a new one.
 
     Args:
-        arrays: by name, of at least one axis. Their lengths must agree, which is not looked at; see `checked`.
+        arrays: by name, of at least one axis. Their lengths must agree, which is not looked at; see `measured`.
 
     Attributes:
         rows: their length.
     """
 
-    __slots__ = ("_arrays", "rows")
+    __slots__ = ("_arrays", "_chosen", "_source", "rows")
 
     def __init__(self, arrays: Mapping[str, np.ndarray]) -> None:
         self._arrays = dict(arrays)
         self.rows = len(next(iter(self._arrays.values()))) if self._arrays else 0
+        self._source: Mapping[str, np.ndarray] = {}  # arrays of which only the chosen rows, (rows,), are meant; see `chosen`
+        self._chosen = _NONE
 
     def __getitem__(self, name: str) -> np.ndarray:
+        if name in self._source and name not in self._arrays:
+            self._arrays[name] = self._source[name].take(self._chosen, axis=0)
         return self._arrays[name]
 
+    def _all(self) -> dict[str, np.ndarray]:
+        for name in self._source:
+            self[name]
+        return self._arrays
+
     def __iter__(self) -> Iterator[str]:
-        return iter(self._arrays)
+        return iter(self._all())
 
     def __len__(self) -> int:
-        return len(self._arrays)
+        return len(self._all())
 
     # What `Mapping` derives from these takes ten times as long.
     def __contains__(self, name: object) -> bool:
-        return name in self._arrays
+        return name in self._arrays or name in self._source
 
     def items(self) -> ItemsView[str, np.ndarray]:
         """Names and arrays."""
-        return self._arrays.items()
+        return self._all().items()
 
     def get(self, name: str, default: Any = None) -> Any:
         """The array of this name, or the default."""
-        return self._arrays.get(name, default)
+        return self[name] if name in self else default
 
     def __or__(self, others: Mapping[str, np.ndarray]) -> Columns:
         """These, and others beside them or in their place."""
-        return Columns({**self._arrays, **others})
+        both = Columns({**self._arrays, **others})
+        if self._source:
+            both._source, both._chosen, both.rows = self._source, self._chosen, self.rows
+        return both
 
     def __repr__(self) -> str:
         return f"Columns of {self.rows} rows: {', '.join(f'{name} {array.dtype}' for name, array in self.items())}"
 
     def only(self, *names: str) -> Columns:
         """Those of these names that there are."""
-        return Columns({name: self._arrays[name] for name in names if name in self._arrays})
+        return Columns({name: self[name] for name in names if name in self})
 
     def without(self, *names: str) -> Columns:
         """All but those of these names."""
@@ -100,11 +115,22 @@ class Columns(Mapping[str, np.ndarray]):
 
     def take(self, rows: np.ndarray) -> Columns:
         """The rows of these numbers, (m,) int, or where (n,) bool is true; itself where that is all."""
+        chosen = self.chosen(rows)
+        chosen._all()
+        return chosen
+
+    def chosen(self, rows: np.ndarray) -> Columns:
+        """As `take`, but an array is copied when it is asked for: until then, the arrays of these must not change."""
         if rows.dtype == bool:
             if rows.all():
                 return self
             rows = np.flatnonzero(rows)
-        return Columns({name: array.take(rows, axis=0) for name, array in self.items()})
+        chosen = Columns({})
+        chosen.rows, chosen._chosen, chosen._source = len(rows), rows, self._arrays
+        if self._source:
+            chosen._arrays = {name: array.take(rows, axis=0) for name, array in self._arrays.items()}
+            chosen._source, chosen._chosen = self._source, self._chosen.take(rows)
+        return chosen
 
     def joined(self, others: Columns) -> Columns:
         """These rows, and after them those of others, with the same columns."""

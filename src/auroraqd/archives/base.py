@@ -236,7 +236,7 @@ class Archive(Individuals, ABC):
             return self._insert_valid(batch) if batch.rows else Info(np.empty(0, np.int8), _NONE, _NONE)
         status, row, removed = np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1), _NONE
         if valid.any():
-            status[valid], row[valid], removed = self._insert_valid(batch.take(valid))
+            status[valid], row[valid], removed = self._insert_valid(batch.chosen(valid))
         return Info(status, row, removed)
 
     def _insert_valid(self, batch: Columns) -> Info:
@@ -250,8 +250,7 @@ class Archive(Individuals, ABC):
         stored = np.flatnonzero(row >= 0)
         target, ids = row[stored], ids[: len(stored)]
         removed = self._population["id"][target[target < size]]
-        coming = {name: column.take(stored, axis=0) for name, column in batch.items()}
-        coming["id"] = ids
+        coming = batch.chosen(stored) | {"id": ids}
         self._population.write(target, coming, size + int(np.count_nonzero(status == NEW)))
         self._next_id += len(stored)
         self._where.reserve(self._next_id)
@@ -305,7 +304,9 @@ class Archive(Individuals, ABC):
                 wanted = "be given, as for" if name in self._population else "not be given, as it was not for"
                 raise ValueError(f"{name} must {wanted} the individuals added before")
         for name, rows in batch.items():
-            check_like(name, rows, self._population.raw(name))
+            known = self._population.raw(name)
+            if rows.dtype != known.dtype or rows.shape[1:] != known.shape[1:]:
+                check_like(name, rows, known)
 
     def redescribe(self, descriptor: ArrayLike, *, reconstruction_error: ArrayLike | None = None, least: int = 0) -> int:
         """Give every individual a new descriptor and add all again, oldest first (paper, Sec. "AURORA").
