@@ -239,15 +239,21 @@ def rows_of(shape: tuple[int, ...]) -> str:
 
 def in_short(columns: Any) -> str:
     """A named tuple of arrays by their shapes, or values where there are few."""
-    texts = [
-        f"{name}={value}" if value is None or np.size(value) <= 10 else f"{name}: {value.dtype} {value.shape}"
-        for name, value in zip(columns._fields, columns, strict=True)
-    ]
+    texts = [_in_short(name, value) for name, value in zip(columns._fields, columns, strict=True)]
     return f"{type(columns).__name__}({', '.join(texts)})"
+
+
+def _in_short(name: str, value: Any) -> str:
+    streams = getattr(getattr(value, "dtype", None), "names", None)
+    if streams is not None:
+        return ", ".join(_in_short(f"{name} {stream}", value[stream]) for stream in streams)
+    return f"{name}={value}" if value is None or np.size(value) <= 10 else f"{name}: {value.dtype} {value.shape}"
 
 
 def finite_rows(rows: np.ndarray) -> np.ndarray:
     """(n,) bool: which rows of (n, ...) hold neither a NaN nor an infinity."""
+    if rows.dtype.names is not None:
+        return np.logical_and.reduce([finite_rows(rows[name]) for name in rows.dtype.names])
     if rows.dtype.kind != "f":
         return np.ones(len(rows), bool)
     finite = np.isfinite(rows)

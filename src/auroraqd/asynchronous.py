@@ -15,6 +15,7 @@ import numpy as np
 
 from auroraqd.callbacks.base import Callbacks
 from auroraqd.emitters.proposal import Event, Proposal
+from auroraqd.observations import has_streams, joined, streams_of
 from auroraqd.running import tell
 from auroraqd.tasks import Evaluation, TaskError, evaluated, name_of
 
@@ -143,6 +144,8 @@ def _evaluated(task: Callable, proposals: list[Proposal], lost: set[int], seeded
 
 def _spread(rows: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Rows where they belong, (n,) bool; NaN, or 0 where there is none, elsewhere."""
+    if has_streams(rows):
+        return joined({name: _spread(stream, there) for name, stream in streams_of(rows).items()})
     column = np.full((len(there), *rows.shape[1:]), np.nan if rows.dtype.kind == "f" else 0, rows.dtype)
     column[there] = rows
     return column

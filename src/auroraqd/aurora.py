@@ -28,7 +28,6 @@ from auroraqd._checks import (
     instance,
     number,
     numbers,
-    numeric,
     shown,
     whole,
     whole_numbers,
@@ -47,6 +46,7 @@ from auroraqd.emitters.selection import Curiosity
 from auroraqd.emitters.variation import Polynomial
 from auroraqd.history import History, Record
 from auroraqd.individuals import Columns, check_like
+from auroraqd.observations import features_of, observations
 from auroraqd.provenance import changed, described
 from auroraqd.tasks import Evaluation, checked
 
@@ -80,7 +80,8 @@ class Aurora:
             descriptor has one or two dimensions, and `Size()` where it has more.
         schedule: at which generations the descriptor is refitted, l redefined, and all are described and added again. A
             descriptor that is not learned is updated likewise, without the refit.
-        prior: observations, (n, ...), on which the descriptor is fitted once, now, with its scaling; it is then never refitted.
+        prior: observations, (n, ...) or streams, on which the descriptor is fitted once, now, with its scaling; it is then
+            never refitted.
         survival: the least share of the individuals stored, or of those that the resolution aims at if these are fewer, that
             must survive an update of the descriptor and l; one that leaves fewer is refused, with a warning, and the descriptor
             before it stays (`auroraqd.control.update`). 0: none is refused for that.
@@ -139,9 +140,7 @@ class Aurora:
         if prior is not None:
             if not self._descriptor.learned:
                 raise ValueError(f"prior is for descriptors that are learned, not for {shown(descriptor)}")
-            self._descriptor = self._descriptor.refitted(
-                numeric("prior", prior, " of shape (n, ...)", rows=True, some=True, finite=True)
-            )
+            self._descriptor = self._descriptor.refitted(_observed("prior", prior))
         self._waiting: Columns | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
         self._attempts = Attempts()  # at updates, since the last that was taken
@@ -312,7 +311,7 @@ class Aurora:
 
         Args:
             fitness: (n,), larger is better; a constant for pure exploration.
-            observation: (n, ...), the sensory data, in any shape.
+            observation: (n, ...), the sensory data, in any shape; or a mapping of names to several such arrays.
             ground_truth: (n, ...), if known.
             ticket: of the proposal, if it was asked for by a number.
 
@@ -556,7 +555,7 @@ class Aurora:
 
     def _too_few(self, batch: Columns, valid: np.ndarray) -> bool:
         """Whether the descriptor cannot be fitted on what is stored and, (n,) bool, those of a batch that are valid."""
-        return int(valid.sum()) + len(self.archive) < self._descriptor.rows_to_fit(batch["observation"][0].size)
+        return int(valid.sum()) + len(self.archive) < self._descriptor.rows_to_fit(features_of(batch["observation"]))
 
     def _wait(
         self, asked: Asked, batch: Columns, valid: np.ndarray, scheduled: bool, refusal: RefusedUpdate | None = None
@@ -635,7 +634,7 @@ class Aurora:
         if not stored and individuals.rows == 0:
             return None
         sources = archive.columns if stored else individuals
-        enough = sources.rows >= self._descriptor.rows_to_fit(sources["observation"][0].size)
+        enough = sources.rows >= self._descriptor.rows_to_fit(features_of(sources["observation"]))
         follows = hasattr(self.resolution, "control")  # then it is asked for l once, and changes it from there
         update = updated(
             self._descriptor,
@@ -705,6 +704,18 @@ def _mean(values: np.ndarray) -> float:
 def _say(warning: str | None) -> None:
     if warning is not None:
         warnings.warn(warning, stacklevel=4)
+
+
+def _observed(name: str, values: Any) -> np.ndarray:
+    """Observations that a descriptor can be fitted on.
+
+    Raises:
+        ValueError: they are not.
+    """
+    found = observations(name, values)
+    if len(found) == 0 or features_of(found) == 0 or not finite_rows(found).all():
+        raise ValueError(f"{name} must be finite numbers of shape (n, ...), with entries, got {shown(values)}")
+    return found
 
 
 def _described(individuals: Columns, descriptor: Descriptor) -> Columns:

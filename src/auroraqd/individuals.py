@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd._checks import finite_rows, instance, mapping, numbers, numeric, rows_of, whole_numbers
+from auroraqd.observations import check_same_streams, has_streams, observations, streams_of
 
 
 class Kind(NamedTuple):
@@ -154,6 +155,8 @@ def measured(given: Mapping[str, Any]) -> Columns:
             columns[name] = np.full(len(columns["genotype"]), kind.unknown)
         elif kind.dtype is np.int64:
             columns[name] = whole_numbers(name, values, axes=1)
+        elif name == "observation":
+            columns[name] = observations(name, values)
         elif values is not None or kind.always:
             columns[name] = (numeric if kind.dtype is None else numbers)(name, values, axes=kind.axes, rows=True)
     n = len(columns["genotype"])
@@ -179,9 +182,10 @@ def stored(arrays: Mapping[str, np.ndarray]) -> Columns:
     for name, array in arrays.items():
         instance(name, array, np.ndarray, "an array")
         kind = KNOWN.get(name, Kind(None, None, finite=False))
-        if array.dtype.kind not in "biuf" or array.dtype.itemsize > 8 or kind.dtype not in (None, array.dtype):
-            wanted = "numbers" if kind.dtype is None else np.dtype(kind.dtype)
-            raise ValueError(f"{name} must be {wanted}, got {array.dtype}")
+        for stream in streams_of(array).values():
+            if stream.dtype.kind not in "biuf" or stream.dtype.itemsize > 8 or kind.dtype not in (None, array.dtype):
+                wanted = "numbers" if kind.dtype is None else np.dtype(kind.dtype)
+                raise ValueError(f"{name} must be {wanted}, got {array.dtype}")
         if array.ndim == 0 or kind.axes not in (None, array.ndim) or len(array) != n:
             wanted = "rows" if kind.axes is None else f"{kind.axes} axes"
             raise ValueError(f"{name} must have {wanted}, {n} as genotype has, got shape {array.shape}")
@@ -204,6 +208,8 @@ def check_dimensions(descriptor: np.ndarray) -> None:
 
 def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
     """Raise ValueError unless rows fit into a column that is there, in shape and without loss in dtype."""
+    if has_streams(rows) or has_streams(known):
+        check_same_streams(name, rows, known)
     if rows.shape[1:] != known.shape[1:]:
         raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):
@@ -240,7 +246,7 @@ class Individuals:
 
     @property
     def observation(self) -> np.ndarray:
-        """(n, ...), in the shape and dtype of the task: sensory data."""
+        """(n, ...), in the shape and dtype of the task: sensory data. Of several streams (n,), each by its name, (n, ...)."""
         return self._column("observation", 0)
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -19,6 +19,7 @@ from auroraqd._checks import (
     numbers,
     numeric,
     one_of,
+    shown,
     whole,
     whole_numbers,
 )
@@ -26,6 +27,7 @@ from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
 from auroraqd.individuals import KNOWN, Columns, Individuals, stored
+from auroraqd.observations import check_same_streams, has_streams, observations, streams_of
 from auroraqd.provenance import genes_in
 from auroraqd.tasks import Evaluation, Genes, evaluated
 from auroraqd.tasks.noise import other_seeds, seeds_at
@@ -43,10 +45,11 @@ class Reached(NamedTuple):
     Attributes:
         rows: (k,) of the repertoire.
         distance: (k,) to the desired outcome: the root mean square over the entries given, each channel (last axis) scaled to
-            [-1, 1] by its range in the repertoire, of which observations far outside all others are left out.
+            [-1, 1] by its range in the repertoire, of which observations far outside all others are left out. Streams that are
+            given count alike.
         genotype: (k, n_genes), what to do.
-        observation: (k, ...), what it led to when it was found.
-        reconstruction: (k, ...), what the learned descriptor expects there; None if it cannot reconstruct.
+        observation: (k, ...), what it led to when it was found; of streams (k,), each by its name.
+        reconstruction: likewise, what the learned descriptor expects there; None if it cannot reconstruct.
     """
 
     rows: np.ndarray
@@ -65,7 +68,8 @@ class Again(NamedTuple):
     Attributes:
         fitness: (n, times).
         observation: (n, times, ...).
-        error: (n, times), root mean square difference to the stored observation, in its units; NaN where it is invalid.
+        error: (n, times), root mean square difference to the stored observation, in its units; of streams, in which each counts
+            alike, on the scale of `Reached.distance`. NaN where it is invalid.
         ground_truth: (n, times, ...), or None.
     """
 
@@ -108,7 +112,10 @@ class Repertoire(Individuals):
     """
 
     def __init__(self, columns: Mapping[str, np.ndarray], origin: Origin):
-        columns = {name: numeric(f"column {name}", column, rows=True) for name, column in mapping("columns", columns).items()}
+        columns = {
+            name: (observations if name == "observation" else partial(numeric, rows=True))(f"column {name}", column)
+            for name, column in mapping("columns", columns).items()
+        }
         self._origin = origin
         self._take(dict(stored(columns)))
 
@@ -173,14 +180,15 @@ class Repertoire(Individuals):
             raise ValueError(f"descriptor must have shape (n, {d}), as those of the repertoire, got {places.shape}")
         return self._descriptor.reconstruct(places)
 
-    def reach(self, observation: ArrayLike, k: int = 1) -> Reached:
+    def reach(self, observation: ArrayLike | Mapping[str, ArrayLike], k: int = 1) -> Reached:
         """The k skills whose outcome is closest to a desired one.
 
         Closest by the observation, all of it or the entries that are given; see `Reached.distance`. Two outcomes may have one
         descriptor, which therefore does not decide.
 
         Args:
-            observation: (...), in the shape and units of the task; NaN for what does not matter.
+            observation: (...), in the shape and units of the task; NaN for what does not matter. Of streams, those that matter,
+                by their names.
             k: how many.
 
         Raises:
@@ -189,19 +197,40 @@ class Repertoire(Individuals):
         """
         self._check_any("reach")
         whole("k", k, most=len(self))
-        wanted, shape = numbers("observation", observation), self.observation.shape[1:]
-        if wanted.shape != shape:
-            raise ValueError(f"observation must have shape {shape}, as those of the repertoire, got {wanted.shape}")
-        given = ~np.isnan(wanted)
-        if np.isinf(wanted).any() or not given.any():
-            raise ValueError("observation must have finite entries, or NaN for what does not matter, but not NaN alone")
-        half = Scaling.of(self.observation[~far_outside(self.observation)]).scaler(wanted.size).half[given.ravel()]
-        difference = (self.observation.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
-        distance = np.sqrt(np.mean(difference**2, axis=1))
+        usual = ~far_outside(self.observation)
+        squares = []
+        for name, wanted in self._outcome(observation).items():
+            stream, given = streams_of(self.observation)[name], ~np.isnan(wanted)
+            half = Scaling.of(stream[usual]).scaler(wanted.size).half[given.ravel()]
+            difference = (stream.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
+            squares.append(np.mean(difference**2, axis=1))
+        distance = np.sqrt(np.mean(squares, axis=0))
         rows = np.argsort(distance, kind="stable")[:k]
         descriptor = self._descriptor
         expected = descriptor.reconstruct(self.descriptor[rows]) if descriptor.decode is not None else None
         return Reached(rows, distance[rows], self.genotype[rows], self.observation[rows], expected)
+
+    def _outcome(self, observation: Any) -> dict[str, np.ndarray]:
+        """What is wanted of each stream, or of the observation if it is one array, (...), if anything of it is."""
+        streams, whole = streams_of(self.observation), not has_streams(self.observation)
+        wanted = {"observation": observation} if whole else observation
+        if not isinstance(wanted, Mapping) or not wanted or set(wanted) - set(streams):
+            raise ValueError(
+                f"observation must be a mapping of some of {', '.join(streams)} to arrays, got {shown(observation)}"
+            )
+        found = {}
+        for name, values in wanted.items():
+            called = name if whole else f"observation {name}"
+            array, shape = numbers(called, values), streams[name].shape[1:]
+            if array.shape != shape:
+                raise ValueError(f"{called} must have shape {shape}, as those of the repertoire, got {array.shape}")
+            if np.isinf(array).any() or (whole and np.isnan(array).all()):
+                raise ValueError(f"{called} must have finite entries, or NaN for what does not matter, but not NaN alone")
+            found[name] = array
+        found = {name: array for name, array in found.items() if not np.isnan(array).all()}
+        if not found:
+            raise ValueError("observation must have finite entries, or NaN for what does not matter, but not NaN alone")
+        return found
 
     def sample(self, n: int) -> np.ndarray:
         """Rows of n skills spread over descriptor space, always the same; fewer, if the rest are copies. See `diverse`."""
@@ -254,14 +283,26 @@ class Repertoire(Individuals):
             evaluation = evaluated(task, genotype.copy(), theirs.copy(), "with skills of the repertoire")
             found.append(Evaluation(*(None if column is None else np.array(column) for column in evaluation)))
         for evaluation in found:
+            check_same_streams("observation", evaluation.observation, stored)
             if evaluation.observation.shape != stored.shape:
                 raise ValueError(f"observation must have shape {stored.shape}, as stored, got {evaluation.observation.shape}")
         fitness = np.stack([evaluation.fitness for evaluation in found], axis=1)
         observation = np.stack([evaluation.observation for evaluation in found], axis=1)
-        difference = (observation.astype(np.float64) - stored[:, None]).reshape(*fitness.shape, -1)
-        error = np.sqrt(np.mean(np.where(np.isfinite(difference), difference, np.nan) ** 2, axis=2))
+        error = self._difference(observation, stored)
         truths = [evaluation.ground_truth for evaluation in found if evaluation.ground_truth is not None]
         return Again(fitness, observation, error, np.stack(truths, axis=1) if truths else None)
+
+    def _difference(self, again: np.ndarray, stored: np.ndarray) -> np.ndarray:
+        """(n, times): see `Again.error`."""
+        usual, squares = None, []
+        for name, stream in streams_of(stored).items():
+            of_all = streams_of(again)[name] if has_streams(again) else again
+            difference = (of_all.astype(np.float64) - stream[:, None]).reshape(*again.shape[:2], -1)
+            if has_streams(stored):
+                usual = ~far_outside(self.observation) if usual is None else usual
+                difference /= Scaling.of(self.observation[name][usual]).scaler(difference.shape[2]).half
+            squares.append(np.mean(np.where(np.isfinite(difference), difference, np.nan) ** 2, axis=2))
+        return np.sqrt(np.mean(squares, axis=0))
 
     def _seeds(self, which: str, seed: int, times: int, rows: np.ndarray) -> np.ndarray:
         """Seeds to evaluate rows with, (times, n) uint64."""
@@ -298,11 +339,10 @@ class Repertoire(Individuals):
         for name, rows in self._columns.items():
             if (name == "observation" and not observation) or (name == "genotype" and genes is not None):
                 continue
-            if rows.ndim == 1:
-                others[name] = rows
-            else:
-                for index in np.ndindex(*rows.shape[1:]):
-                    others["_".join(map(str, (name, *index)))] = rows[(slice(None), *index)]
+            for stream, entries in streams_of(rows).items():
+                called = (name, stream) if has_streams(rows) else (name,)
+                for index in np.ndindex(*entries.shape[1:]):
+                    others["_".join(map(str, (*called, *index)))] = entries[(slice(None), *index)]
         twice = [] if genes is None else [name for name in genes.names if name in others]
         if twice:
             raise ValueError(f"genes must not be called like other columns of the table: {', '.join(twice)}")

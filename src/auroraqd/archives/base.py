@@ -196,7 +196,7 @@ class Archive(Individuals, ABC):
         Args:
             genotype: (n, n_genes), finite.
             fitness: (n,).
-            observation: (n, ...), numbers.
+            observation: (n, ...), numbers; or a mapping of names to several such arrays.
             descriptor: (n, d).
             ground_truth: (n, ...), if known. Given either always or never.
             reconstruction_error: (n,), if known. Given either always or never.

@@ -129,7 +129,9 @@ _GENERALISES = 1.5  # times the error of what is stored, that the error on other
 
 
 def _results(repertoire: Any, records: Sequence[Any]) -> list[tuple[str, str]]:
-    shapes = f"genotype {repertoire.genotype.shape[1:]}, observation {repertoire.observation.shape[1:]}"
+    from auroraqd.observations import shapes_of
+
+    shapes = f"genotype {repertoire.genotype.shape[1:]}, observation {shapes_of(repertoire.observation)}"
     rows = [("repertoire", f"{len(repertoire):,} individuals: {shapes}, descriptor {repertoire.descriptor.shape[1:]}")]
     if not records:
         return rows

@@ -17,6 +17,7 @@ import numpy as np
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError
 from auroraqd.descriptors.scaling import far_outside
 from auroraqd.individuals import Columns
+from auroraqd.observations import streams_of
 
 FIRST_FITS = 10  # times that a first fit is tried again, with ever more individuals
 _LONGEST = 20  # doublings of the time to wait: more than any run has
@@ -99,12 +100,13 @@ def updated(
 def _fitted_on(individuals: Columns, robust: bool) -> Columns:
     """The observations to fit a descriptor on, without those far outside, and their fitness."""
     x = individuals["observation"]
-    if len(x) > 1 and np.array_equal(x[0], x[-1]) and (x == x[0]).all():
+    streams = streams_of(x).values()
+    if len(x) > 1 and all(np.array_equal(s[0], s[-1]) and (s == s[0]).all() for s in streams):
         raise RefusedUpdate(f"all {len(x):,} observations are the same, so there is nothing to learn a descriptor from")
     far = far_outside(x) if robust else np.zeros(len(x), bool)
     if not far.any():
         return individuals
-    largest, count = np.abs(x[far].astype(np.float64)).max(), np.count_nonzero(far)
+    largest, count = max(np.abs(s[far].astype(np.float64)).max() for s in streams), np.count_nonzero(far)
     warnings.warn(
         f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
         f"{largest:.3g}, set aside for the fit: evaluation {_listed(individuals['born'][far])}. What is stored stays",

@@ -14,11 +14,12 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, numbers, numeric, rows_of, shown
+from auroraqd._checks import finite_rows, numbers, rows_of, shown
 from auroraqd.descriptors import _solvers, supervised
 from auroraqd.descriptors._affine import Affine
 from auroraqd.descriptors.scaling import Scaler, Scaling
 from auroraqd.individuals import Columns
+from auroraqd.observations import Layout, described, features_of, flat, layout_of, observations, unflattened
 
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"
@@ -64,7 +65,8 @@ class Descriptor:
 
     source: str | Transformer
     scaling: Scaling | None = None
-    shape: tuple[int, ...] = ()  # of one observation
+    shape: tuple[int, ...] = ()  # of one observation; of streams, how many entries all have
+    layout: Layout | None = None  # of its streams, if it has some
     scaler: Scaler | None = None  # observations, (n, ...), to (n, features)
     encode: Any = None  # (n, features), scaled, to descriptors
     decode: Any = None  # descriptors to (n, features), scaled, or None
@@ -135,11 +137,13 @@ class Descriptor:
         Raises:
             DescriptorError: the transformer cannot be fitted.
         """
-        scaling, shape = Scaling.of(observation), observation.shape[1:]
+        scaling, layout = Scaling.of(observation), layout_of(observation)
+        observation = observation if layout is None else flat(observation)
+        shape = observation.shape[1:]
         if isinstance(self.source, str):
-            return self.restored(scaling, shape)
+            return self.restored(scaling, shape, layout)
         transformer: Any = self._copied(self.source)
-        x = scaling.scaler(observation[0].size)(observation)
+        x = scaling.scaler(features_of(observation))(observation)
         x = x.reshape(observation.shape) if _natural(transformer) else x
         try:
             _solvers.fit(transformer, x, supervised.target(transformer, fitness))
@@ -150,7 +154,7 @@ class Descriptor:
             # A copy has each array in one piece, as a file has it. In pieces, products would be rounded in another way, and a
             # run that goes on from a file would take another course.
             transformer = self._copied(transformer)
-        return Descriptor(transformer).restored(scaling, shape)
+        return Descriptor(transformer).restored(scaling, shape, layout)
 
     @staticmethod
     def _copied(transformer: Any) -> Any:
@@ -159,10 +163,14 @@ class Descriptor:
         except Exception as error:
             raise DescriptorError(f"{type(transformer).__name__} could not be copied to be fitted anew: {error}") from error
 
-    def restored(self, scaling: Scaling, shape: tuple[int, ...]) -> "Descriptor":
-        """The descriptor of a transformer that has been fitted on observations of this shape, scaled like this."""
+    def restored(self, scaling: Scaling, shape: tuple[int, ...], layout: Layout | None = None) -> "Descriptor":
+        """The descriptor of a transformer that has been fitted on observations like these, scaled like this.
+
+        Args:
+            scaling, shape, layout: see the class.
+        """
         features = math.prod(shape)
-        fitted = replace(self, scaling=scaling, shape=shape, scaler=scaling.scaler(features))
+        fitted = replace(self, scaling=scaling, shape=shape, layout=layout, scaler=scaling.scaler(features))
         if isinstance(self.source, str):
             return replace(fitted, encode=_unchanged)
         encode, decode = _functions(self.source, shape)
@@ -182,7 +190,7 @@ class Descriptor:
             raise RuntimeError(f"the descriptor {self.source!r} is not learned from observations")
         if not self.ready:
             raise RuntimeError("the descriptor has not been fitted yet: run a generation first")
-        observation = np.atleast_1d(numeric("observation", observation))
+        observation = np.atleast_1d(observations("observation", observation))
         if not finite_rows(observation).all():
             raise ValueError("observation must be finite, got a NaN or an infinity")
         if self.affine is not None:
@@ -205,7 +213,8 @@ class Descriptor:
             x = np.asarray(self.decode(z), np.float64)
         except Exception as error:
             raise DescriptorError(f"the inverse of {self} raised, for descriptor of shape {z.shape}: {error}") from error
-        return self.scaler.inverse(x).reshape(len(z), *self.shape)
+        rows = self.scaler.inverse(x).reshape(len(z), *self.shape)
+        return rows if self.layout is None else unflattened(rows, self.layout)
 
     def describe(self, individuals: Columns) -> tuple[np.ndarray, np.ndarray | None]:
         """Descriptors, (n, d) float64, and the root mean square error of each reconstruction, (n,), or None.
@@ -232,6 +241,12 @@ class Descriptor:
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:
         """(n, ...) to (n, features)."""
+        layout = layout_of(observation)
+        if layout != self.layout:
+            wanted = f"{described(self.layout)}, as those it was fitted on"
+            raise DescriptorError(f"observation must be {wanted}, got {described(layout)}")
+        if self.layout is not None:
+            return flat(observation)
         if observation.shape[1:] != self.shape or observation.ndim == 0:
             raise DescriptorError(
                 f"observation must have shape {rows_of(self.shape)}, as those it was fitted on, got {observation.shape}"

@@ -2,11 +2,18 @@
 
 A range hangs on its two ends, and one simulation that blew up would press all others into a point. `far_outside` finds such
 individuals, so that what is learned is learned from the others.
+
+Of several streams, each is scaled like that, and then so weighted that it counts alike, whatever its width: the mean square of
+all entries is the mean over the streams of theirs.
 """
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+
+from auroraqd.observations import features_of, has_streams, streams_of
 
 _TYPICAL = 0.99  # share of the individuals that say how large the others may be
 _FEWEST = 20  # individuals: of fewer nobody can say which is not like the others
@@ -19,6 +26,8 @@ def far_outside(observation: np.ndarray) -> np.ndarray:
     Far is ten times as far from the middle, the median over the observations of the middle of their own range, as 99 of 100
     observations get, in one channel. Where 99 of 100 do not leave the middle at all, nothing is far.
     """
+    if has_streams(observation):
+        return np.logical_or.reduce([far_outside(stream) for stream in streams_of(observation).values()])
     if len(observation) < _FEWEST or observation.dtype.itemsize == 1:  # pixels have no room for it
         return np.zeros(len(observation), bool)
     rows = _by_channel(observation)
@@ -50,17 +59,33 @@ class Scaling(NamedTuple):
     """Each channel (last axis) of an observation from its range to [-1, 1]; a constant channel to 0.
 
     Attributes:
-        low, high: (channels,) float64.
+        low, high: (channels,) float64; of streams one for each entry, wider or narrower than its range as the stream counts
+            less or more.
     """
 
     low: np.ndarray
     high: np.ndarray
 
     @classmethod
-    def of(cls, observation: np.ndarray) -> "Scaling":
-        """The range of each channel of (n, ..., channels)."""
+    def of(cls, observation: np.ndarray, weights: Mapping[str, float] | None = None) -> "Scaling":
+        """The range of each channel of (n, ..., channels), or of each channel of each stream, which may have weights."""
+        if has_streams(observation):
+            return cls._of_streams(observation, weights or {})
         channels = _by_channel(observation)
         return cls(*(ends.astype(np.float64) for ends in (channels.min(axis=(0, 1)), channels.max(axis=(0, 1)))))
+
+    @classmethod
+    def _of_streams(cls, observation: np.ndarray, weights: Mapping[str, float]) -> "Scaling":
+        streams = streams_of(observation)
+        total = sum(weights.get(name, 1.0) ** 2 for name in streams)
+        ends = []
+        for name, stream in streams.items():
+            width = math.prod(stream.shape[1:])
+            factor = weights.get(name, 1.0) * math.sqrt(features_of(observation) / (total * width))
+            low, high = (np.tile(end, width // len(end)) for end in cls.of(stream))
+            center, half = high / 2 + low / 2, (high / 2 - low / 2) / factor
+            ends.append((center - half, center + half))
+        return cls(*(np.nan_to_num(np.concatenate(parts)) for parts in zip(*ends, strict=True)))
 
     def scaler(self, features: int) -> "Scaler":
         """What scales observations of this many features in all."""

@@ -16,6 +16,7 @@ from auroraqd._checks import function, number, numeric, seeds_for, shown, whole
 from auroraqd._workers import cores
 from auroraqd.evaluate._trust import Trust, Worker
 from auroraqd.evaluate.executors import START, Answer, work_on
+from auroraqd.observations import described, has_streams, joined, layout_of
 from auroraqd.tasks import Evaluation, name_of
 
 _SHORTEST, _LONGEST = 0.01, 0.2  # s, that a chunk should take: far more than to send it, far less than a generation
@@ -450,6 +451,13 @@ def _column(n: int, parts: Sequence[tuple[_Piece, Any]]) -> np.ndarray | None:
         )
     if shapes == {None}:
         return None
+    layouts = {layout_of(rows) for _, rows in parts}
+    if len(layouts) > 1:
+        raise ValueError(f"it must return the same streams always, got {' and '.join(sorted(map(described, layouts)))}")
+    if has_streams(parts[0][1]):
+        names = parts[0][1].dtype.names
+        streams = {name: _column(n, [(piece, rows[name]) for piece, rows in parts]) for name in names}
+        return joined(streams)  # pyright: ignore[reportArgumentType]
     dtype = np.result_type(*(rows for _, rows in parts))
     column = np.full((n, *parts[0][1].shape[1:]), np.nan if dtype.kind == "f" else 0, dtype)
     for piece, rows in parts:

@@ -19,7 +19,7 @@ from auroraqd._checks import instance
 from auroraqd._files import folder_at
 from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
-from auroraqd.report.scenes import has_trajectories, scene_of
+from auroraqd.report.scenes import scene_of, trajectories_of
 from auroraqd.report.skills import SHEET, skills_figure
 from auroraqd.report.style import STYLE, save_figure, scatter, trajectories, two_dimensional_colors
 from auroraqd.runs import folders
@@ -45,7 +45,7 @@ def write_figures(folder: str | Path) -> list[Path]:
         figures = {"repertoire": lambda: repertoire_figure(repertoire), **figures}
     if len(repertoire) and repertoire.fitness.min() < repertoire.fitness.max():  # a constant one is for pure exploration
         figures["fitness"] = lambda: fitness_figure(repertoire)
-    if has_trajectories(repertoire):
+    if trajectories_of(repertoire) is not None:
         figures["skills"] = lambda: skills_figure(repertoire, scene_of(config, repertoire), repertoire.sample(SHEET))
     return [path for name, draw in figures.items() for path in _drawn(name, draw, target)]
 
@@ -76,7 +76,7 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
         colors, key = two_dimensional_colors(truth[:, :2].astype(np.float64)), "ground truth"
     else:
         colors, key = two_dimensional_colors(_plane(repertoire)), "descriptor space"
-    if has_trajectories(repertoire):
+    if trajectories_of(repertoire) is not None:
         panels.append(("Trajectories", _draw_trajectories))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4 * len(panels), 4.4), layout="constrained")
@@ -175,7 +175,9 @@ def _draw_truth(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
 def _draw_trajectories(axes: Axes, repertoire: Repertoire, colors: np.ndarray) -> None:
     n = len(repertoire)
     shown = np.random.default_rng(0).permutation(n)[:_MOST_TRAJECTORIES]
-    paths = repertoire.observation[shown].astype(np.float64)
+    observed = trajectories_of(repertoire)
+    assert observed is not None
+    paths = observed[shown].astype(np.float64)
     trajectories(axes, paths, colors[shown])
     width, height = np.ptp(paths.reshape(-1, 2), axis=0)
     if 1 / 3 < width / max(height, 1e-300) < 3:  # a wide or a tall picture would be unreadable

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from auroraqd.observations import shapes_of, streams_of
 from auroraqd.provenance import importable
 from auroraqd.repertoire import Repertoire
 from auroraqd.tasks import air_hockey
@@ -45,10 +46,11 @@ def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
     Raises:
         ValueError: the observations are not trajectories in the plane.
     """
-    observation = repertoire.observation
-    if not has_trajectories(repertoire):
+    observation = trajectories_of(repertoire)
+    if observation is None:
         raise ValueError(
-            f"skills must be trajectories in the plane, observations of shape (steps, 2), got {observation.shape[1:]}"
+            f"skills must be trajectories in the plane, observations or a stream of shape (steps, 2), got "
+            f"{shapes_of(repertoire.observation)}"
         )
     if str(config.get("task")).partition(":")[0] == "air-hockey" or importable(config) == _AIR_HOCKEY:
         wall = np.full(2, air_hockey.WALL)
@@ -58,7 +60,12 @@ def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
     return Scene(low - margin, high + margin)
 
 
-def has_trajectories(repertoire: Repertoire) -> bool:
-    """Whether there are individuals, and their observations are points in the plane at several instants."""
-    shape = repertoire.observation.shape
-    return len(shape) == 3 and shape[0] > 0 and shape[1] > 1 and shape[2] == 2
+def trajectories_of(repertoire: Repertoire) -> np.ndarray | None:
+    """(n, steps, 2): the observations, or the first stream of them, that are points in the plane at several instants.
+
+    None if there are none.
+    """
+    for stream in streams_of(repertoire.observation).values():
+        if stream.ndim == 3 and len(stream) and stream.shape[1] > 1 and stream.shape[2] == 2:
+            return stream
+    return None

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from auroraqd.repertoire import Repertoire
-from auroraqd.report.scenes import Scene
+from auroraqd.report.scenes import Scene, trajectories_of
 from auroraqd.report.style import STYLE
 from auroraqd.report.videos import LAST, arrangement, video
 
@@ -92,7 +92,9 @@ class _Panel:
     """One skill, at any of its steps."""
 
     def __init__(self, axes: Axes, repertoire: Repertoire, scene: Scene, row: int):
-        path = np.asarray(repertoire.observation[row], np.float64)
+        observed = trajectories_of(repertoire)
+        assert observed is not None  # as `scene_of` has seen
+        path = np.asarray(observed[row], np.float64)
         self.steps = len(path)
         self._path = path if scene.start is None else np.vstack([scene.start, path])
         joints = None if scene.arm is None else scene.arm(repertoire.genotype[row : row + 1], self.steps)[0]

@@ -3,6 +3,7 @@
 A file with the right checksum may still have been made by somebody else, or by a mistake.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from auroraqd._checks import MOST_SEED, number, shown, whole
 from auroraqd.history import Record
+from auroraqd.observations import Layout, has_streams, layout_of, streams_of
 
 _MOST = 2**53  # of what is counted: beyond it, floats leave numbers out
 _MOST_ENTRIES = 10**8  # of an observation
@@ -95,11 +97,19 @@ def _check_observations(values: Mapping[str, Any], arrays: Mapping[str, np.ndarr
     low, high, stored = arrays.get("scaling.low"), arrays.get("scaling.high"), arrays.get("observation")
     if low is None and high is None:
         return
-    shape = tuple(values["shape"])
+    shape, layout = tuple(values["shape"]), as_layout(values.get("layout"))
+    if layout is not None:
+        if shape != (sum(math.prod(one) for _, one in layout),):
+            raise ValueError(f"layout must be of {shown(shape)} entries, got {shown(layout)}")
+        for name, bounds in (("scaling.low", low), ("scaling.high", high)):
+            check_array(name, bounds, axes=1, dtype=np.float64, finite=True, n=shape[0])
+        if stored is not None and len(stored) and layout_of(stored) != layout:
+            raise ValueError(f"layout must be that of the observations stored, {shown(layout_of(stored))}, got {shown(layout)}")
+        return
     channels = shape[-1] if shape else 1
     for name, bounds in (("scaling.low", low), ("scaling.high", high)):
         check_array(name, bounds, axes=1, dtype=np.float64, finite=True, n=channels)
-    if stored is not None and len(stored) and stored.shape[1:] != shape:
+    if stored is not None and len(stored) and (stored.shape[1:] != shape or has_streams(stored)):
         raise ValueError(f"shape must be that of the observations stored, {stored.shape[1:]}, got {shape}")
 
 
@@ -117,7 +127,8 @@ def _check_individuals(prefix: str, columns: Mapping[str, np.ndarray], n_genes: 
             check_array(f"{prefix}.{name}", columns[name], axes=1, dtype=np.int64, n=len(genotype))
     if prefix == "waiting":
         check_array("waiting.fitness", columns.get("fitness"), axes=1, dtype=np.float64, finite=True, n=len(genotype))
-        check_array("waiting.observation", columns.get("observation"), finite=True, n=len(genotype))
+        for name, stream in streams_of(columns.get("observation", np.empty(0))).items():
+            check_array(f"waiting.{name}", stream, finite=True, n=len(genotype))
         if "ground_truth" in columns:
             check_array("waiting.ground_truth", columns["ground_truth"], n=len(genotype))
 
@@ -178,6 +189,20 @@ def _shape(name: str, value: Any) -> None:
             raise ValueError(f"{name} must be of at most {_MOST_ENTRIES:,} entries, got {shown(value)}")
 
 
+def as_layout(value: list | None) -> Layout | None:
+    """The streams of an observation as a descriptor has them."""
+    return None if value is None else tuple((name, tuple(shape)) for name, shape in value)
+
+
+def _layout(name: str, value: Any) -> None:
+    if not isinstance(value, list) or not all(isinstance(one, list) and len(one) == 2 for one in value) or not value:
+        raise ValueError(f"{name} must be a list of names and shapes, got {shown(value)}")
+    for stream, shape in value:
+        if not isinstance(stream, str):
+            raise ValueError(f"{name} must have names, got {shown(stream)}")
+        _shape(f"{name} {stream}", shape)
+
+
 def _attempts(name: str, value: Any) -> None:
     if not isinstance(value, list) or len(value) != 2:
         raise ValueError(f"{name} must be two numbers, got {shown(value)}")
@@ -224,6 +249,7 @@ _SINCE: dict[str, Callable[[str, Any], Any]] = {  # what files of version 0.2.0,
     "survival": partial(number, most=1, wanted="a share, from 0 to 1"),
     "_refused": _count,
     "attempts": _attempts,
+    "layout": partial(_or_none, _layout),
     "asked": _asked,
     "emitters": _objects,
     "_tickets": _count,

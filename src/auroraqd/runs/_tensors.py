@@ -7,15 +7,18 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from auroraqd._files import replacing
+from auroraqd.observations import has_streams, observations, streams_of
 
 _CHECKSUM = "checksum"
 _DIGEST = 32  # bytes
+_OF = "/"  # between the name of an array and that of its stream
 _MOST_HEADER = 10**8  # bytes, as safetensors has it
 
 
@@ -31,7 +34,7 @@ def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str) ->
     Raises:
         OSError: it cannot be written; what was there before stays.
     """
-    contiguous = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    contiguous = {name: np.ascontiguousarray(array) for name, array in _apart(arrays).items()}
     # One entry of metadata: of several, safetensors does not keep the order.
     content = bytearray(save({**contiguous, _CHECKSUM: np.zeros(_DIGEST, np.uint8)}, {form: text}))
     content[_place(content, _header(content))] = _digest(content)
@@ -64,7 +67,31 @@ def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, SafetensorError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
     del arrays[_CHECKSUM]
-    return arrays, metadata[form]
+    try:
+        return _together(arrays), metadata[form]
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def _apart(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Arrays, of those with streams each by itself: the format has no structured ones."""
+    found = {}
+    for name, array in arrays.items():
+        streams = streams_of(array).items() if has_streams(array) else ()
+        found.update({f"{name}{_OF}{stream}": rows for stream, rows in streams} or {name: array})
+    return found
+
+
+def _together(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What `_apart` was given."""
+    found: dict[str, Any] = {}
+    for name, array in arrays.items():
+        whole, _, stream = name.partition(_OF)
+        if stream:
+            found.setdefault(whole, {})[stream] = array
+        else:
+            found[name] = array
+    return {name: observations(name, array) if isinstance(array, dict) else array for name, array in found.items()}
 
 
 class _OtherFormat(ValueError):

@@ -38,7 +38,7 @@ from auroraqd.individuals import KNOWN
 from auroraqd.provenance import made_again, made_by, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.runs import _tensors, _transformers
-from auroraqd.runs._saved import check_arrays, check_values
+from auroraqd.runs._saved import as_layout, check_arrays, check_values
 from auroraqd.runs.state import State, restored, settings_of, state_of
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
@@ -416,7 +416,9 @@ def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], values: Mapping[str
     if _LOW not in arrays or (kind != _LEARNED and kind != OBSERVATION):
         return descriptor
     try:
-        return descriptor.restored(Scaling(arrays[_LOW], arrays[_HIGH]), tuple(values["shape"]))
+        return descriptor.restored(
+            Scaling(arrays[_LOW], arrays[_HIGH]), tuple(values["shape"]), as_layout(values.get("layout"))
+        )
     except Exception as error:  # of what somebody wrote, anything
         raise ValueError(f"the descriptor is damaged: {type(error).__name__}: {error}") from None
 

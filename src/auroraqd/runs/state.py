@@ -62,6 +62,7 @@ def state_of(aurora: Aurora) -> State:
         "archive": archive.state,
         "history_gap": aurora.history.gap,
         "shape": list(aurora.descriptor.shape),
+        "layout": aurora.descriptor.layout,
         "asked": [[a.proposal.ticket, len(a.proposal.genotype), a.proposal.first, a.alone] for a in asked],
         "emitters": [state.values for state in emitted],
     }

@@ -1,18 +1,20 @@
 """Tasks: what a robot does and senses when it is given genotypes.
 
 A task is any callable from genotypes, (n, n_genes) in [0, 1], to an `Evaluation`, or to a tuple of fitness, observation
-and, if known, ground truth, or to observations alone, (n, ...), which is to explore for its own sake. A row with a NaN or
+and, if known, ground truth, or to observations alone, (n, ...), which is to explore for its own sake. Observations may be a
+mapping of several arrays, streams, each (n, ...): see `auroraqd.observations`. A row with a NaN or
 an infinity in fitness or observation is an invalid individual: that is how a task reports a crash. A task with an attribute
 `seeded` that is true is given a seed for each individual as well: see `auroraqd.tasks.noise`.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from auroraqd._checks import numeric
+from auroraqd.observations import observations, streams_of
 
 
 class Evaluation(NamedTuple):
@@ -20,7 +22,7 @@ class Evaluation(NamedTuple):
 
     Attributes:
         fitness: (n,), quality, larger is better.
-        observation: (n, ...), sensory data.
+        observation: (n, ...), sensory data; or a mapping of names to several of them, streams.
         ground_truth: (n, ...), what an expert would call the behaviour, for hand-coded descriptors and for metrics, or None.
     """
 
@@ -81,7 +83,7 @@ def as_evaluation(result: Any, n: int) -> Evaluation:
     Raises:
         ValueError: it is no evaluation, or one of wrong shape, number of rows, or dtype.
     """
-    if not isinstance(result, tuple) and hasattr(result, "__array__") and np.ndim(result) > 1:  # (n,) may be fitness
+    if _is_observation(result):
         result = np.zeros(n), result
     if not isinstance(result, tuple) or len(result) not in (2, 3):
         raise ValueError(
@@ -89,6 +91,13 @@ def as_evaluation(result: Any, n: int) -> Evaluation:
             f"got {type(result).__name__}" + (f" of {len(result)}" if isinstance(result, tuple) else "")
         )
     return checked(Evaluation(*result), n)
+
+
+def _is_observation(result: Any) -> bool:
+    """Whether it is an observation alone; (n,) may be fitness."""
+    if isinstance(result, Mapping) or (isinstance(result, np.ndarray) and result.dtype.names is not None):
+        return True
+    return not isinstance(result, tuple) and hasattr(result, "__array__") and np.ndim(result) > 1
 
 
 def checked(evaluation: Evaluation, n: int) -> Evaluation:
@@ -100,13 +109,14 @@ def checked(evaluation: Evaluation, n: int) -> Evaluation:
     fitness = _rows("fitness", evaluation.fitness, n)
     if fitness.ndim != 1:
         raise ValueError(f"fitness must have shape ({n},), got {fitness.shape}")
-    observation = _rows("observation", evaluation.observation, n)
-    if observation.ndim == 1:
-        raise ValueError(
-            f"observation must have shape (n, ...), got {observation.shape}: of one number each, write observation[:, None]"
-        )
-    if math.prod(observation.shape[1:]) == 0:
-        raise ValueError(f"observation must have entries, got shape {observation.shape}")
+    observation = _of_each("observation", observations("observation", evaluation.observation), n)
+    for name, stream in streams_of(observation).items():
+        if stream.ndim == 1 and stream is observation:
+            raise ValueError(
+                f"observation must have shape (n, ...), got {observation.shape}: of one number each, write observation[:, None]"
+            )
+        if math.prod(stream.shape[1:]) == 0:
+            raise ValueError(f"{name} must have entries, got shape {stream.shape}")
     truth = None if evaluation.ground_truth is None else _rows("ground_truth", evaluation.ground_truth, n)
     if truth is not None and math.prod(truth.shape[1:]) == 0:
         raise ValueError(f"ground_truth must have entries, got shape {truth.shape}")
@@ -114,7 +124,10 @@ def checked(evaluation: Evaluation, n: int) -> Evaluation:
 
 
 def _rows(name: str, values: Any, n: int) -> np.ndarray:
-    array = numeric(name, values)
+    return _of_each(name, numeric(name, values), n)
+
+
+def _of_each(name: str, array: np.ndarray, n: int) -> np.ndarray:
     if array.ndim == 0 or len(array) != n:
         raise ValueError(f"{name} must have {n} rows, one for each genotype, got shape {array.shape}")
     return array

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -210,9 +211,8 @@ class FromJax(_OfOne):
                 "it must be a function of jax.numpy, without `if` or float() of its values, for JAX to trace it, and a "
                 f"function of NumPy is made a task by auroraqd.tasks.each instead, got {type(error).__name__}"
             ) from error
-        if isinstance(found, tuple):
-            return tuple(np.asarray(column)[:n] for column in found)
-        return np.asarray(found)[:n]
+        first = partial(jax.tree.map, lambda column: np.asarray(column)[:n])
+        return tuple(map(first, found)) if isinstance(found, tuple) else first(found)
 
     def _of_arrays(self, *arguments: Any) -> Any:
         return _columns(self.function(*arguments), _traced)
@@ -254,13 +254,20 @@ def _columns(result: Any, array: Callable[[str, Any], Any]) -> Any:
         parts = result[:2] if len(result) == 3 and result[2] is None else result  # an `Evaluation` without
         if len(parts) not in (2, 3):
             raise ValueError(f"{wanted} a tuple of {len(result)}")
-        return tuple(array(name, part) for name, part in zip(_NAMES, parts, strict=False))
-    if result is None or isinstance(result, str | bytes | Mapping | set):
+        return tuple(_each_stream(array, name, part) for name, part in zip(_NAMES, parts, strict=False))
+    if result is None or isinstance(result, str | bytes | set):
         raise ValueError(f"{wanted} {result if result is None else type(result).__name__}")
-    observation = array("observation", result)
-    if observation.ndim == 0:
+    observation = _each_stream(array, "observation", result)
+    if not isinstance(observation, Mapping) and observation.ndim == 0:
         raise ValueError(f"{wanted} one number for a genotype: as observation of one entry it must be an array, of shape (1,)")
     return observation
+
+
+def _each_stream(array: Callable[[str, Any], Any], name: str, value: Any) -> Any:
+    """An observation of streams, each made an array; anything else made one."""
+    if not isinstance(value, Mapping) or name != "observation":
+        return array(name, value)
+    return {stream: array(f"{name} {stream}", rows) for stream, rows in value.items()}
 
 
 def _copied(name: str, value: Any) -> np.ndarray:
@@ -279,7 +286,11 @@ def _traced(name: str, value: Any) -> Any:
         raise ValueError(f"{name} of a genotype must be numbers, got {shown(value)}") from None
 
 
-def _stacked(name: str, rows: Any) -> np.ndarray:
+def _stacked(name: str, rows: Any) -> Any:
+    if isinstance(rows[0], Mapping):
+        if any(not isinstance(row, Mapping) or row.keys() != rows[0].keys() for row in rows):
+            raise ValueError(f"{name} must have the same streams for each genotype, {', '.join(map(str, rows[0]))}")
+        return {stream: _stacked(f"{name} {stream}", [row[stream] for row in rows]) for stream in rows[0]}
     try:
         return np.stack([np.asarray(row) for row in rows])
     except ValueError:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from auroraqd._checks import function, numeric, seeds_for, whole
+from auroraqd.observations import has_streams, joined, streams_of
 from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
 
 _MOST_TIMES = 10**6
@@ -72,6 +73,8 @@ class Repeated:
         return Evaluation(*(None if rows is None else self._mean(rows) for rows in evaluation))
 
     def _mean(self, rows: np.ndarray) -> np.ndarray:
+        if has_streams(rows):
+            return joined({name: self._mean(stream) for name, stream in streams_of(rows).items()})
         return rows.reshape(-1, self.times, *rows.shape[1:]).mean(axis=1, dtype=np.float64)
 
 

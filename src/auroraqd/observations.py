@@ -1,0 +1,116 @@
+"""Observations: what a robot sensed, as one array, or as several streams that belong together.
+
+A task may return a mapping of arrays, of joints and a camera for instance, each (n, ...) in its own shape and dtype. They are
+kept as one structured array of NumPy, (n,), with a field for each stream: its rows are taken, joined and stored like those of
+any other column, and `observation["camera"]` is the stream as the task gave it, (n, ...).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from auroraqd._checks import numeric, shown
+
+Layout = tuple[tuple[str, tuple[int, ...]], ...]  # names of streams, and the shape of one row of each
+
+
+def has_streams(observation: np.ndarray) -> bool:
+    """Whether it is made of streams."""
+    return observation.dtype.names is not None
+
+
+def streams_of(observation: np.ndarray) -> dict[str, np.ndarray]:
+    """Its streams, each (n, ...), as views; of one array alone that array, called "observation"."""
+    names = observation.dtype.names
+    return {"observation": observation} if names is None else {name: observation[name] for name in names}
+
+
+def layout_of(observation: np.ndarray) -> Layout | None:
+    """The names and shapes of its streams; None of one array alone."""
+    if not has_streams(observation):
+        return None
+    return tuple((name, stream.shape[1:]) for name, stream in streams_of(observation[:0]).items())
+
+
+def features_of(observation: np.ndarray) -> int:
+    """How many numbers one row has, of all streams."""
+    return sum(math.prod(stream.shape[1:]) for stream in streams_of(observation[:0]).values())
+
+
+def joined(streams: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Streams, each (n, ...), as one structured array, (n,), in the order of their names."""
+    fields = [(name, streams[name].dtype, streams[name].shape[1:]) for name in sorted(streams)]
+    observation = np.zeros(len(next(iter(streams.values()))), np.dtype(fields, align=True))
+    for name, stream in streams.items():
+        observation[name] = stream
+    return observation
+
+
+def flat(observation: np.ndarray) -> np.ndarray:
+    """(n, features): of streams, one beside the other, as float64."""
+    n = len(observation)
+    if not has_streams(observation):
+        return observation.reshape(n, math.prod(observation.shape[1:]))
+    parts = [stream.reshape(n, math.prod(stream.shape[1:])) for stream in streams_of(observation).values()]
+    return np.concatenate(parts, axis=1, dtype=np.float64)
+
+
+def unflattened(rows: np.ndarray, layout: Layout) -> np.ndarray:
+    """(n, features) to streams of float64: the way back from `flat`."""
+    streams, start = {}, 0
+    for name, shape in layout:
+        stop = start + math.prod(shape)
+        streams[name] = rows[:, start:stop].reshape(len(rows), *shape)
+        start = stop
+    return joined(streams)
+
+
+def observations(name: str, values: Any) -> np.ndarray:
+    """What somebody gives as observations, as an array of numbers, (n, ...), or of streams, (n,).
+
+    Raises:
+        ValueError: they are neither; or streams that have no names, no rows, or not as many as each other.
+    """
+    if isinstance(values, np.ndarray) and has_streams(values):
+        if values.ndim != 1:
+            raise ValueError(f"{name} of streams must have shape (n,), got {values.shape}")
+        values = streams_of(values)
+    if not isinstance(values, Mapping):
+        return numeric(name, values, rows=True)
+    if not values:
+        raise ValueError(f"{name} must have a stream at least, got none")
+    streams: dict[str, np.ndarray] = {}
+    for stream, rows in values.items():
+        if not isinstance(stream, str) or not stream or not stream.isidentifier():
+            raise ValueError(f"{name} must have streams with names, as of variables, got {shown(stream)}")
+        streams[stream] = numeric(f"{name} {stream}", rows, rows=True)
+    lengths = {stream: len(rows) for stream, rows in streams.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"{name} must have as many rows in each stream, got {_listed(lengths)}")
+    return joined(streams)
+
+
+def shapes_of(observation: np.ndarray) -> str:
+    """The shape of one row, in words; of each stream, after its name."""
+    layout = layout_of(observation)
+    return str(observation.shape[1:]) if layout is None else _listed(dict(layout))
+
+
+def check_same_streams(name: str, observation: np.ndarray, known: np.ndarray) -> None:
+    """Raise ValueError unless both have the same streams, of the same shapes, or none."""
+    found, wanted = layout_of(observation), layout_of(known)
+    if found != wanted:
+        raise ValueError(f"{name} must be {described(wanted)}, as before, got {described(found)}")
+
+
+def described(layout: Layout | None) -> str:
+    """In words: the streams and their shapes, or that it is one array."""
+    return "one array" if layout is None else f"the streams {_listed(dict(layout))}"
+
+
+def _listed(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in values.items())
