@@ -94,7 +94,7 @@ WANTED = r"it must return a tuple of fitness, observation and optionally ground 
         (lambda g: g[0], f"{WANTED}one number for a genotype: as observation of one entry it must be an array, of shape"),
         (lambda g: 0.5, f"{WANTED}one number for a genotype"),
         (lambda g: None, f"{WANTED}None"),
-        (lambda g: {"x": g}, f"{WANTED}dict"),
+        (lambda g: {"x": "y"}, "observation x of a genotype must be numbers, got 'y'"),
         (lambda g: "x", f"{WANTED}str"),
         (lambda g: (g,), f"{WANTED}a tuple of 1"),
         (lambda g: (g[0], g, g, g), f"{WANTED}a tuple of 4"),

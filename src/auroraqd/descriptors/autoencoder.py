@@ -17,27 +17,34 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
-from auroraqd._checks import MOST_SEED, flag, number, numbers, numeric, one_of, rows_of, whole, wholes
+from auroraqd._checks import MOST_SEED, flag, number, numbers, numeric, one_of, rows_of, shown, whole
 from auroraqd._interrupts import uninterrupted
+from auroraqd.descriptors import distances, networks
+from auroraqd.descriptors.networks import MLP, Convolutional, Network
 from auroraqd.descriptors.scaling import Scaler, Scaling
 
 if TYPE_CHECKING:
-    from auroraqd.descriptors.networks import AutoEncoderNetwork
-    from auroraqd.descriptors.training import Progress, Protocol
+    from auroraqd.descriptors.inference import InUse
+    from auroraqd.descriptors.training import Data, Progress, Protocol, Trained
 
 _listener: ContextVar[Callable[[Progress], Any] | None] = ContextVar("listener", default=None)
 _VERBOSE_GAP = 5.0  # s
 _OBSERVATIONS = " of shape (n, ...)"
+_KEPT = 0.7  # share of the distances, likewise
+_NOTHING = 1e-12  # variance of an entry on the [-1, 1] scale that is none
 _EXPLAINED = 0.05  # share of the variance of the observations below which nothing has been learned
-_MOST_WIDTH = 10**6  # of a layer
+_METRICS = ("auto", "euclidean", "geodesic")
+_RETRIES = 2  # of a training that failed, each with
+_SLOWER = 0.2  # times the learning rate of the one before
 _ROWS = 256  # at a time, to be reconstructed
+_SPREAD = 1e-4  # of latent positions about their mean, as a share of their distance from 0: less is none
 
 
 @contextmanager
@@ -57,21 +64,28 @@ def listening(listener: Callable[[Progress], Any]) -> Iterator[None]:
 class AutoEncoder(TransformerMixin, BaseEstimator):
     """An auto-encoder with the interface of a scikit-learn transformer, for observations in their natural shape.
 
-    Each channel (last axis) is scaled to [-1, 1] by its range over the rows it is fitted on. Training is repeated with new
-    splits into training and validation rows, each repeat continuing the weights of the one before. A repeat ends when its
-    epochs are used up or when the validation error, averaged over `patience` epochs, rises, and gives the weights with the
-    lowest validation error. If training diverges (NaN), the last good weights stay and a warning says so.
+    Each channel (last axis) is scaled to [-1, 1] by its range over the rows it is fitted on; of images whole numbers of eight bits
+    by 255. Training is repeated with new splits into training and validation rows, each repeat continuing the weights of the
+    one before. A repeat ends when its epochs are used up or when the validation error, averaged over `patience` epochs, rises,
+    and gives the weights with the lowest validation error. A training that diverges (NaN) or learns nothing is tried again
+    twice, each time with a fifth of the learning rate; should all fail, a warning says so, and the best weights there are, those
+    from before among them, stay.
 
     The defaults are what reaches the lowest error on throws never seen in the least time; `AutoEncoder.paper()` is the
     protocol of the paper.
 
     Args:
         n_components: size of the latent space.
-        network: "mlp", dense layers for observations of any shape, or "convolutional", the network of the paper for short time
-            series, (n, steps, channels).
+        network: "auto" chooses by shape and dtype, see `auroraqd.descriptors.networks.chosen`, and `network_` says what; "image",
+            strided convolutions for images; "mlp", dense layers for observations of any shape; "convolutional", the network of
+            the paper for short time series, (n, steps, channels). Or a value of `auroraqd.descriptors.networks`, or of a class of
+            your own that derives from `Network` there.
         hidden: widths of the dense layers of "mlp", from input to latent space; mirrored in the decoder.
         isometry: weight of the term that keeps distances, against the squared error summed over the entries of an
             observation. 0: a plain auto-encoder.
+        metric: of the distances that are kept. "euclidean": between scaled observations. "geodesic": lengths of shortest paths
+            along the graph of nearest neighbours, which say how far apart observations are that have nothing in common; see
+            `auroraqd.descriptors.distances`. "auto": geodesic for images.
         optimizer: "adam" or "adagrad".
         learning_rate: of the optimiser, at its highest.
         decay: "cosine" lets the learning rate rise from 0 and fall back to it over all repeats together; "none" keeps it.
@@ -93,6 +107,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         validation_rmse_: RMSE of the validation rows on the [-1, 1] scale at the end of the last `fit`, with the final weights;
             NaN where none were held back.
         training_rmse_: the same of all rows that `fit` was given.
+        network_: the network, a value of `auroraqd.descriptors.networks`.
+        scaling_: how observations are scaled.
     """
 
     natural_shape = True  # for Aurora, which flattens for other transformers
@@ -101,9 +117,10 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self,
         n_components: int = 2,
         *,
-        network: Literal["mlp", "convolutional"] = "mlp",
+        network: Literal["auto", "mlp", "convolutional", "image"] | Network = "auto",
         hidden: Sequence[int] = (128, 64, 32),
         isometry: float = 20.0,
+        metric: Literal["auto", "euclidean", "geodesic"] = "auto",
         optimizer: Literal["adam", "adagrad"] = "adam",
         learning_rate: float = 1e-2,
         decay: Literal["cosine", "none"] = "cosine",
@@ -124,6 +141,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self.network = network
         self.hidden = hidden
         self.isometry = isometry
+        self.metric = metric
         self.optimizer = optimizer
         self.learning_rate = learning_rate
         self.decay = decay
@@ -171,7 +189,15 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             ValueError: a parameter is out of range.
         """
         self._protocol()
-        self._architecture(())
+        one_of("metric", self.metric, _METRICS)
+        self._network((), np.dtype(np.float64))
+
+    def reads_raw(self, shape: tuple[int, ...], dtype: np.dtype) -> bool:
+        """Whether observations of this shape, without the rows, and dtype are to be given to `fit` as they are.
+
+        `Aurora` asks for it: what it scales itself it has to copy.
+        """
+        return self._network(shape, dtype).streams
 
     def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
@@ -181,49 +207,47 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
                 not take. The estimator stays as it was.
         """
         with uninterrupted():  # half an import would be the end of JAX in this process
-            from auroraqd.descriptors import networks
-            from auroraqd.descriptors.training import train
+            from auroraqd.descriptors import training
 
-        protocol = self._protocol()
+        self.check_parameters()
         x = numeric("x", x, _OBSERVATIONS, rows=True, some=True, finite=True)
         shape = x.shape[1:]
         if self.n_components > x[0].size:
             raise ValueError(
                 f"n_components must be at most {x[0].size}, the entries of an observation, got {self.n_components}"
             )
-        architecture = self._architecture(shape)
-        goes_on = self.warm_start and getattr(self, "architecture_", None) == architecture
+        kind = self._network(shape, x.dtype)
+        kind.check_shape(shape)
+        goes_on = self.warm_start and self._architecture() == (kind, shape, int(self.n_components))
         fits = self.n_fits_ if goes_on else 0
-        seed = None if self.random_state is None else [self.random_state, fits]
-        rng = np.random.default_rng(seed)
-        start = networks.filled(self.weights_, **architecture) if goes_on else networks.random(**architecture, rng=rng)
-        scaling = Scaling.of(x)
-        rows = scaling.scaler(x[0].size)(x).astype(np.float32)
-        trained = train(start, rows, protocol, rng, self._listener())
-        if trained.diverged:
-            warnings.warn(
-                f"training of AutoEncoder diverged in repeat {len(trained.epochs)}, epoch {trained.epochs[-1]}: the last good "
-                "weights stay; a lower learning_rate may help",
-                stacklevel=2,
-            )
+        rng = np.random.default_rng(None if self.random_state is None else [self.random_state, fits])
+        start = _filled(kind, shape, self.n_components, self.weights_ if goes_on else None, rng)
+        scaling = kind.scaling(x)
+        data = self._data(x, kind, scaling, rng)
+        protocol = self._protocol()._replace(learning_rate=kind.rate * self.learning_rate)
+        best = _Tried(start, training.Trained(start, [], math.nan, False, False), *_quality(kind, start, scaling, x, data))
+        best = best if goes_on else None
+        for attempt in range(_RETRIES + 1):
+            network = start if attempt == 0 or goes_on else _filled(kind, shape, self.n_components, None, rng)
+            trained = training.train(network, data, kind, protocol, rng, self._listener())
+            tried = _Tried(trained.network, trained, *_quality(kind, trained.network, scaling, x, data))
+            best = tried if best is None or not tried.failed or tried.explained >= best.explained else best
+            if not tried.failed:
+                break
+            protocol = protocol._replace(learning_rate=_SLOWER * protocol.learning_rate)
+        else:
+            self._warn(tried, len(x))
         import jax
 
-        training_rmse, explained = _reconstruction(trained.network, rows)
-        if explained < _EXPLAINED and not trained.diverged:
-            warnings.warn(
-                f"the latent space of AutoEncoder has collapsed: the reconstructions of {len(rows):,} observations, RMSE "
-                f"{training_rmse:.3g} on the [-1, 1] scale, are hardly better than their mean. A lower learning_rate, more "
-                "epochs or another network may help",
-                stacklevel=2,
-            )
-        self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(trained.network)]
-        self.architecture_ = architecture
+        self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(best.network)]
+        self.network_ = kind
+        self.architecture_ = {"shape": list(shape), "n_components": int(self.n_components)}
         self.low_, self.high_ = scaling
-        self.epochs_ = trained.epochs
-        self.validation_rmse_ = trained.rmse if trained.validated else math.nan
-        self.training_rmse_ = training_rmse
+        self.epochs_ = tried.trained.epochs
+        self.validation_rmse_ = tried.trained.rmse if tried.trained.validated else math.nan
+        self.training_rmse_ = best.rmse
         self.n_fits_ = fits + 1
-        self._use: tuple[Scaler, AutoEncoderNetwork] | None = None
+        self._use: InUse | None = None
         return self
 
     def transform(self, x: ArrayLike) -> np.ndarray:
@@ -233,11 +257,17 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             NotFittedError: `fit` has not been called.
             ValueError: wrong shape, or a NaN or an infinity.
         """
-        scaler, network = self._in_use()
-        x = numeric("x", x, _OBSERVATIONS, rows=True, finite=True)
-        if x.shape[1:] != self.observation_shape_:
-            raise ValueError(f"x must have shape {rows_of(self.observation_shape_)}, as in fit, got {x.shape}")
-        return network.encode(scaler(x))
+        use = self._in_use()
+        return use.encode(self._rows(x))
+
+    def describe(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Latent positions, and the root mean square errors of the reconstructions, (n,), on the [-1, 1] scale.
+
+        Raises: as `transform`.
+        """
+        use = self._in_use()
+        z, squares = use.describe(self._rows(x))
+        return z, np.sqrt(squares / math.prod(self.observation_shape_))
 
     def inverse_transform(self, z: ArrayLike) -> np.ndarray:
         """Reconstructed observations, (n, ...) float64, of latent positions, (n, n_components).
@@ -246,26 +276,57 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             NotFittedError: `fit` has not been called.
             ValueError: wrong shape.
         """
-        scaler, network = self._in_use()
+        use = self._in_use()
         z = numbers("z", z)
         n_components = self.architecture_["n_components"]
         if z.ndim != 2 or z.shape[1] != n_components:
             raise ValueError(f"z must have shape (n, {n_components}), got {z.shape}")
-        return scaler.inverse(network.decode(z)).reshape(len(z), *self.observation_shape_)
+        return self._scaler().inverse(use.decode(z)).reshape(len(z), *self.observation_shape_)
 
     @property
     def observation_shape_(self) -> tuple[int, ...]:
         """Shape of one observation."""
         return tuple(self.architecture_["shape"])
 
+    @property
+    def raw_(self) -> bool:
+        """Whether it was fitted on observations that nobody had scaled, if `Aurora` did it."""
+        return self.network_.streams
+
+    @property
+    def scaling_(self) -> Scaling:
+        """How observations are scaled."""
+        return Scaling(self.low_, self.high_)
+
+    def __repr__(self, N_CHAR_MAX: int = 700) -> str:
+        text = super().__repr__(N_CHAR_MAX)
+        return f"{text}, which chose {self.network_}" if self.network == "auto" and hasattr(self, "network_") else text
+
     def __getstate__(self) -> dict[str, Any]:
         state: Any = super().__getstate__()
         return {name: value for name, value in state.items() if name != "_use"}
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """What earlier versions wrote had a network by its kind, and no metric."""
+        super().__setstate__(state)
+        if "metric" not in state:
+            self.metric = "euclidean"
+        architecture = state.get("architecture_", {})
+        if "kind" in architecture:
+            self.network_ = MLP(tuple(architecture["hidden"])) if architecture["kind"] == "mlp" else Convolutional()
+            self.architecture_ = {name: architecture[name] for name in ("shape", "n_components")}
+
+    def _rows(self, x: ArrayLike) -> np.ndarray:
+        """Observations, (n, ...), as (n, features)."""
+        x = numeric("x", x, _OBSERVATIONS, rows=True, finite=True)
+        if x.shape[1:] != self.observation_shape_:
+            raise ValueError(f"x must have shape {rows_of(self.observation_shape_)}, as in fit, got {x.shape}")
+        return x.reshape(len(x), math.prod(self.observation_shape_))
+
     def _protocol(self) -> Protocol:
         from auroraqd.descriptors.training import Protocol
 
-        whole("n_components", self.n_components, most=_MOST_WIDTH)
+        whole("n_components", self.n_components, most=networks.MOST_WIDTH)
         one_of("optimizer", self.optimizer, ("adam", "adagrad"))
         one_of("decay", self.decay, ("cosine", "none"))
         flag("warm_start", self.warm_start)
@@ -288,43 +349,135 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             isometry=number("isometry", self.isometry),
         )
 
-    def _architecture(self, shape: tuple[int, ...]) -> dict[str, Any]:
-        """What the network is made of; kept as it was fitted, whatever becomes of the parameters."""
-        one_of("network", self.network, ("mlp", "convolutional"))
-        wanted = "widths of layers like (128, 64)"
-        hidden = wholes("hidden", self.hidden, wanted, most=_MOST_WIDTH) if self.network == "mlp" else ()
-        return {"kind": self.network, "shape": list(shape), "n_components": int(self.n_components), "hidden": list(hidden)}
+    def _network(self, shape: tuple[int, ...], dtype: np.dtype) -> Network:
+        """The network for observations of this shape, without the rows, and dtype."""
+        if isinstance(self.network, Network):
+            self.network.check()
+            return self.network
+        if not isinstance(self.network, str) or self.network not in networks.NAMES:
+            raise ValueError(
+                f"network must be one of {', '.join(networks.NAMES)}, or a value of auroraqd.descriptors.networks, got "
+                f"{shown(self.network)}"
+            )
+        hidden = self.hidden if self.network in ("auto", "mlp") else ()
+        MLP(hidden).check()
+        if self.network == "auto":
+            return networks.chosen(shape, dtype, hidden)
+        return MLP(tuple(hidden)) if self.network == "mlp" else networks.NAMED[self.network]()
 
-    def _in_use(self) -> tuple[Scaler, AutoEncoderNetwork]:
-        """The fitted network in float64: then a copy described in a batch of another size differs in its last bits only,
-        which is what the archive's margin for copies is made for.
+    def _architecture(self) -> tuple[Network, tuple[int, ...], int] | None:
+        """What was fitted, whatever has become of the parameters; None before."""
+        if not hasattr(self, "weights_"):
+            return None
+        return self.network_, self.observation_shape_, self.architecture_["n_components"]
+
+    def _data(self, x: np.ndarray, kind: Network, scaling: Scaling, rng: np.random.Generator) -> Data:
+        """What to train on."""
+        from auroraqd.descriptors.training import Data
+
+        geodesic = self.metric == "geodesic" or (self.metric == "auto" and kind.geodesic)
+        targets = distances.along_the_graph(kind.measured(x, scaling), rng) if geodesic and self.isometry else None
+        scaler = scaling.scaler(x[0].size)
+        variance = _variance(x, scaler)
+        if kind.streams:
+            return Data(x.reshape(len(x), -1), scaler, targets, variance)
+        return Data(scaler(x).astype(np.float32), None, targets, variance)
+
+    def _scaler(self) -> Scaler:
+        return self.scaling_.scaler(math.prod(self.observation_shape_))
+
+    def _in_use(self) -> InUse:
+        """The fitted network. In NumPy it is one of float64: then a copy described in a batch of another size differs in its last
+        bits only, which is what the archive's margin for copies is made for.
         """
         if not hasattr(self, "weights_"):
             raise NotFittedError("this AutoEncoder has not been fitted yet: call fit first")
         if getattr(self, "_use", None) is None:
-            from auroraqd.descriptors import networks
-
-            network = networks.filled([weight.astype(np.float64) for weight in self.weights_], **self.architecture_)
-            self._use = Scaling(self.low_, self.high_).scaler(math.prod(self.observation_shape_)), network
+            kind, shape, n_components = self._architecture()  # pyright: ignore[reportGeneralTypeIssues]
+            weights = self.weights_ if kind.streams else [weight.astype(np.float64) for weight in self.weights_]
+            network = _filled(kind, shape, n_components, weights, np.random.default_rng(0))
+            self._use = _put_to_use(kind, network, self._scaler())
         assert self._use is not None
         return self._use
+
+    def _warn(self, tried: _Tried, n: int) -> None:
+        """Say of a training that failed, the last of three, how."""
+        trained = tried.trained
+        if trained.diverged:
+            warnings.warn(
+                f"training of AutoEncoder diverged in repeat {len(trained.epochs)}, epoch {trained.epochs[-1]}: the last good "
+                "weights stay; a lower learning_rate may help",
+                stacklevel=3,
+            )
+        else:
+            warnings.warn(
+                f"the latent space of AutoEncoder has collapsed: the reconstructions of {n:,} observations, RMSE "
+                f"{tried.rmse:.3g} on the [-1, 1] scale, are hardly better than their mean. A lower learning_rate, more "
+                "epochs or another network may help",
+                stacklevel=3,
+            )
 
     def _listener(self) -> Callable[[Progress], Any] | None:
         return _Printer() if self.verbose else _listener.get()
 
 
-def _reconstruction(network: AutoEncoderNetwork, rows: np.ndarray) -> tuple[float, float]:
-    """The root mean square error of scaled rows, (n, features), and the share of their variance that is explained.
+class _Tried(NamedTuple):
+    """A training, and what came of it."""
 
-    Of rows that are all the same, 1.
-    """
-    mean = rows.mean(axis=0, dtype=np.float64)
-    wrong = variance = 0.0
-    for start in range(0, len(rows), _ROWS):
-        part = rows[start : start + _ROWS]
-        wrong += float(((network.decode(network.encode(part)) - part).astype(np.float64) ** 2).sum())
-        variance += float(((part - mean) ** 2).sum())
-    return math.sqrt(wrong / rows.size), 1 - wrong / variance if variance > 0 else 1.0
+    network: Any
+    trained: Trained
+    rmse: float  # of all rows
+    explained: float  # share of the variance of the rows
+    kept: float  # share of the distances that are wanted which is kept, of some rows
+    spread: float  # of latent positions, as a share of their size
+
+    @property
+    def failed(self) -> bool:
+        """Whether it diverged, or nothing was learned."""
+        learned = self.explained >= _EXPLAINED or self.kept >= _KEPT
+        return self.trained.diverged or not learned or self.spread < _SPREAD
+
+
+def _filled(
+    kind: Network, shape: tuple[int, ...], n_components: int, weights: Sequence[np.ndarray] | None, rng: np.random.Generator
+) -> Any:
+    """A network of this kind with these weights, in the order of `jax.tree.leaves`; None: random ones."""
+    import jax
+
+    made = kind.build(shape, int(n_components), rng if weights is None else np.random.default_rng(0))
+    return made if weights is None else jax.tree.unflatten(jax.tree.structure(made), weights)
+
+
+def _put_to_use(kind: Network, network: Any, scaler: Scaler) -> InUse:
+    from auroraqd.descriptors.inference import Compiled, Plain
+
+    return (Compiled if kind.streams else Plain)(network, scaler)
+
+
+def _variance(x: np.ndarray, scaler: Scaler) -> float:
+    """The mean over observations, (n, ...), scaled, of their squared distance to the mean row."""
+    total, squares = np.zeros(x[0].size), 0.0
+    for start in range(0, len(x), _ROWS):
+        part = scaler(x[start : start + _ROWS])
+        total += part.sum(axis=0)
+        squares += float(np.einsum("ij,ij->", part, part))
+    mean = total / len(x)
+    return max(squares / len(x) - float(mean @ mean), 0.0)
+
+
+def _quality(kind: Network, network: Any, scaling: Scaling, x: np.ndarray, data: Data) -> tuple[float, float, float, float]:
+    """RMSE, and shares as in `_Tried`, of a network. Of rows that are all the same, nothing is left to be explained."""
+    use = _put_to_use(kind, network, scaling.scaler(x[0].size))
+    flat = x.reshape(len(x), -1)
+    found = [use.describe(flat[start : start + _ROWS]) for start in range(0, len(x), _ROWS)]
+    z, squares = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    rmse = math.sqrt(squares.sum() / x.size)
+    if data.variance <= _NOTHING * x[0].size:
+        return rmse, 1.0, 1.0, 1.0
+    some = np.linspace(0, len(x) - 1, min(len(x), _ROWS)).astype(int)
+    targets = data.targets[some] if data.targets is not None else scaling.scaler(x[0].size)(x[some])
+    spread = np.linalg.norm(z.std(axis=0)) / max(np.sqrt((z**2).sum(axis=1).mean()), np.finfo(np.float64).tiny)
+    return rmse, 1 - squares.mean() / data.variance, distances.kept(targets, z[some]), float(spread)
 
 
 class _Printer:

@@ -19,7 +19,7 @@ from auroraqd.descriptors import _solvers, supervised
 from auroraqd.descriptors._affine import Affine
 from auroraqd.descriptors.scaling import Scaler, Scaling
 from auroraqd.individuals import Columns
-from auroraqd.observations import Layout, described, features_of, flat, layout_of, observations, unflattened
+from auroraqd.observations import Layout, described, flat, layout_of, observations, unflattened
 
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"
@@ -32,6 +32,10 @@ _FOLDED_FEATURES, _FOLDED_COMPONENTS = 2048, 32
 products of larger ones are faster elsewhere."""
 
 
+_MOST_SCALED = 2**22
+"""Entries of observations that are scaled at a time, 32 MiB."""
+
+
 class DescriptorError(ValueError):
     """A descriptor cannot be fitted, or describes in a way that it must not. What was found before stays."""
 
@@ -40,8 +44,9 @@ class DescriptorError(ValueError):
 class Transformer(Protocol):
     """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions.
 
-    One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead. One whose
-    `fit` needs a `y` gets the fitness too: see `auroraqd.descriptors.supervised`.
+    One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead. One that has
+    a method `reads_raw(shape, dtype)`, which is true for what is observed, gets them as they are stored, not scaled; once fitted it
+    says by `scaling_` how it scales them. One whose `fit` needs a `y` gets the fitness too: see `auroraqd.descriptors.supervised`.
     """
 
     def fit(self, x: np.ndarray) -> Any:
@@ -71,6 +76,7 @@ class Descriptor:
     encode: Any = None  # (n, features), scaled, to descriptors
     decode: Any = None  # descriptors to (n, features), scaled, or None
     affine: Affine | None = None  # all of these at once, where they are affine
+    raw: bool = False  # encode reads observations as they are, and decode gives them
 
     def __str__(self) -> str:
         return f"{self.source!r}" if isinstance(self.source, str) else f"the transform of {type(self.source).__name__}"
@@ -137,14 +143,16 @@ class Descriptor:
         Raises:
             DescriptorError: the transformer cannot be fitted.
         """
-        scaling, layout = Scaling.of(observation), layout_of(observation)
-        observation = observation if layout is None else flat(observation)
-        shape = observation.shape[1:]
+        layout = layout_of(observation)
+        joined = observation if layout is None else flat(observation)
+        shape = joined.shape[1:]
         if isinstance(self.source, str):
-            return self.restored(scaling, shape, layout)
+            return self.restored(Scaling.of(observation), shape, layout)
         transformer: Any = self._copied(self.source)
-        x = scaling.scaler(features_of(observation))(observation)
-        x = x.reshape(observation.shape) if _natural(transformer) else x
+        raw = layout is None and _reads_raw(transformer, shape, observation.dtype)
+        scaling = None if raw else Scaling.of(observation)
+        x = joined if scaling is None else scaling.scaler(math.prod(shape))(joined)
+        x = x.reshape(joined.shape) if _natural(transformer) else x
         try:
             _solvers.fit(transformer, x, supervised.target(transformer, fitness))
         except Exception as error:
@@ -154,7 +162,7 @@ class Descriptor:
             # A copy has each array in one piece, as a file has it. In pieces, products would be rounded in another way, and a
             # run that goes on from a file would take another course.
             transformer = self._copied(transformer)
-        return Descriptor(transformer).restored(scaling, shape, layout)
+        return Descriptor(transformer).restored(transformer.scaling_ if scaling is None else scaling, shape, layout, raw)
 
     @staticmethod
     def _copied(transformer: Any) -> Any:
@@ -163,14 +171,18 @@ class Descriptor:
         except Exception as error:
             raise DescriptorError(f"{type(transformer).__name__} could not be copied to be fitted anew: {error}") from error
 
-    def restored(self, scaling: Scaling, shape: tuple[int, ...], layout: Layout | None = None) -> "Descriptor":
+    def restored(
+        self, scaling: Scaling, shape: tuple[int, ...], layout: Layout | None = None, raw: bool | None = None
+    ) -> "Descriptor":
         """The descriptor of a transformer that has been fitted on observations like these, scaled like this.
 
         Args:
             scaling, shape, layout: see the class.
+            raw: whether the transformer scales them itself; None: as it says, `raw_`.
         """
         features = math.prod(shape)
-        fitted = replace(self, scaling=scaling, shape=shape, layout=layout, scaler=scaling.scaler(features))
+        raw = bool(getattr(self.source, "raw_", False)) if raw is None else raw
+        fitted = replace(self, scaling=scaling, shape=shape, layout=layout, scaler=scaling.scaler(features), raw=raw)
         if isinstance(self.source, str):
             return replace(fitted, encode=_unchanged)
         encode, decode = _functions(self.source, shape)
@@ -195,7 +207,7 @@ class Descriptor:
             raise ValueError("observation must be finite, got a NaN or an infinity")
         if self.affine is not None:
             return self.affine.describe(self._flat(observation))[0]
-        return self._encoded(self._scaled(observation))
+        return np.concatenate([self._encoded(self._read_by_it(part)) for part in self._parts(observation)])
 
     def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
         """Observations, (n, ...) float64 in the units of the task, reconstructed from descriptors, (n, d).
@@ -213,7 +225,7 @@ class Descriptor:
             x = np.asarray(self.decode(z), np.float64)
         except Exception as error:
             raise DescriptorError(f"the inverse of {self} raised, for descriptor of shape {z.shape}: {error}") from error
-        rows = self.scaler.inverse(x).reshape(len(z), *self.shape)
+        rows = (x if self.raw else self.scaler.inverse(x)).reshape(len(z), *self.shape)
         return rows if self.layout is None else unflattened(rows, self.layout)
 
     def describe(self, individuals: Columns) -> tuple[np.ndarray, np.ndarray | None]:
@@ -229,15 +241,30 @@ class Descriptor:
         observation = individuals["observation"]
         if self.affine is not None:
             return self.affine.describe(self._flat(observation))
-        x = self._scaled(observation)
+        described = [self._described(part) for part in self._parts(observation)]
+        z, errors = zip(*described, strict=True)
+        return np.concatenate(z), None if errors[0] is None else np.concatenate(errors)
+
+    def _described(self, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """As `describe`."""
+        x = self._read_by_it(observation)
+        if self.raw and self.decode is not None and hasattr(self.source, "describe"):
+            return self.source.describe(x.reshape(len(x), *self.shape))  # pyright: ignore[reportAttributeAccessIssue]
         z = self._encoded(x)
         if self.decode is None:
             return z, None
         reconstruction = np.asarray(self.decode(z), np.float64)
         if reconstruction.shape != x.shape:
             raise DescriptorError(f"the inverse of {self} must return shape {x.shape}, got {reconstruction.shape}")
-        difference = reconstruction - x
+        assert self.scaler is not None  # it is ready
+        difference = (reconstruction - x) * self.scaler.factor if self.raw else reconstruction - x
         return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
+
+    def _parts(self, observation: np.ndarray) -> list[np.ndarray]:
+        """Rows of observations in parts that take little memory when they are scaled; as a whole, where that is little."""
+        n, features = len(observation), max(math.prod(self.shape), 1)
+        rows = n if n * features <= _MOST_SCALED else max(1, _MOST_SCALED // features)
+        return [observation[start : start + rows] for start in range(0, max(n, 1), max(rows, 1))]
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:
         """(n, ...) to (n, features)."""
@@ -253,9 +280,11 @@ class Descriptor:
             )
         return observation.reshape(len(observation), math.prod(self.shape))
 
-    def _scaled(self, observation: np.ndarray) -> np.ndarray:
+    def _read_by_it(self, observation: np.ndarray) -> np.ndarray:
+        """Observations, (n, ...), as (n, features), scaled unless the transformer does that."""
         assert self.scaler is not None  # it is ready
-        return self.scaler(self._flat(observation))
+        flat = self._flat(observation)
+        return flat if self.raw else self.scaler(flat)
 
     def _encoded(self, x: np.ndarray) -> np.ndarray:
         try:
@@ -286,6 +315,12 @@ def _seeded(transformer: Any, rng: np.random.Generator) -> Any:
 def _natural(transformer: Any) -> bool:
     """Whether the transformer takes observations in the shape of the task."""
     return bool(getattr(transformer, "natural_shape", False))
+
+
+def _reads_raw(transformer: Any, shape: tuple[int, ...], dtype: np.dtype) -> bool:
+    """Whether the transformer takes observations as they are."""
+    asked = getattr(transformer, "reads_raw", None)
+    return asked is not None and bool(asked(shape, dtype))
 
 
 def _unchanged(x: np.ndarray) -> np.ndarray:

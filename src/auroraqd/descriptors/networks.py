@@ -1,209 +1,227 @@
-"""Networks of the auto-encoder: Equinox modules that map rows to rows.
+"""Networks of the auto-encoder, as values: what they are made of, how they read observations, and what they minimise.
 
-They work on JAX arrays, for training, and on NumPy arrays of any precision, for use: a descriptor in float64 is then a matter
-of NumPy alone, with no compilation, for batches of any size.
-
-- `mlp`: dense layers, for observations of any shape.
-- `convolutional`: the network of the AURORA paper (Sec. "Experimental validation"; sizes, kernels and activations from the
-  authors' re-released ballistic example), for trajectories and other short time series.
+`AutoEncoder(network=...)` takes one of these, or its name; "auto" chooses by the shape and the dtype of the observations. One of
+your own derives from `Network`. Nothing here imports JAX before a network is built.
 """
 
-import math
-from collections.abc import Sequence
-from typing import Any
+from __future__ import annotations
 
-import equinox as eqx
-import jax
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
 import numpy as np
 
-from auroraqd._checks import rows_of
+from auroraqd._checks import rows_of, whole, wholes
+from auroraqd.descriptors.distances import flat, multiscale
+from auroraqd.descriptors.scaling import Scaling
 
-Array = Any  # of NumPy or of JAX
+if TYPE_CHECKING:
+    from auroraqd.descriptors.layers import AutoEncoderNetwork
 
-KERNEL = (6, 2)  # steps, channels
-_MAPS = 2
-_DENSE = 5
-_MOST_ENTRIES = 1000  # convolutions are products with square matrices of this size: see `Convolution`
+Array = Any  # of JAX
+MOST_WIDTH = 10**6  # of a layer
+_SMALLEST, _LARGEST, _MOST_CHANNELS = 16, 128, 16  # of images: pixels a side, and channels, a few frames among them
+_MOST_ENTRIES = 1000  # of a time series: its convolutions are products with square matrices of this size
+_GRID = 16  # cells a side, at most, after the first layer for images
+_COARSE = 4  # cells a side, at most, before the dense layers
 
 
-class AutoEncoderNetwork(eqx.Module):
-    """An encoder and a decoder.
+class Network(ABC):
+    """What an auto-encoder is made of. A frozen dataclass with numbers, texts or tuples of these as fields.
 
     Attributes:
-        encoder: layers from (n, features) to (n, n_components).
-        decoder: layers from there back to (n, features).
+        streams: whether mini-batches are read from the observations as they are, in their dtype, and scaled one at a time.
+        geodesic: whether `metric="auto"` stands for shortest paths.
+        rate: times the learning rate of the `AutoEncoder`: wide or deep networks need a smaller one.
     """
 
-    encoder: tuple[eqx.Module, ...]
-    decoder: tuple[eqx.Module, ...]
+    streams: ClassVar[bool] = True
+    geodesic: ClassVar[bool] = False
+    rate: ClassVar[float] = 1.0
 
-    def encode(self, x: Array) -> Array:
-        """(n, features) to (n, n_components)."""
-        return _through(self.encoder, x)
+    @property
+    def steps(self) -> int | None:
+        """The most steps of the optimiser in a repeat; None: no limit but the epochs."""
+        return None
 
-    def decode(self, z: Array) -> Array:
-        """(n, n_components) to (n, features)."""
-        return _through(self.decoder, z)
+    def check(self) -> None:
+        """Raise ValueError where a field is out of range."""
+        return None
+
+    def check_shape(self, shape: tuple[int, ...]) -> None:
+        """Raise ValueError where observations of this shape, without the rows, are none that it takes."""
+        return None
+
+    def scaling(self, observation: np.ndarray) -> Scaling:
+        """How observations, (n, ...), are scaled: each channel by its range."""
+        return Scaling.of(observation)
+
+    @abstractmethod
+    def build(self, shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
+        """An encoder and a decoder with random weights, for rows of scaled observations of this shape, flattened."""
+
+    def loss(self, x: Array, reconstruction: Array, variance: Array) -> Array:
+        """What is minimised, (n,), of scaled rows, (n, features), and their reconstructions: the squared error, summed.
+
+        Args:
+            x, reconstruction: of JAX.
+            variance: the mean over the rows of their squared distance to the mean row.
+        """
+        return ((reconstruction - x) ** 2).sum(axis=1)
+
+    def measured(self, observation: np.ndarray, scaling: Scaling) -> np.ndarray:
+        """Rows, (n, m) float32, whose distances say how much observations, (n, ...), differ from those close to them."""
+        return flat(observation, scaling)
 
 
-def random(
-    kind: str, shape: Sequence[int], n_components: int, hidden: Sequence[int], rng: np.random.Generator
-) -> AutoEncoderNetwork:
-    """A network of a kind, "mlp" or "convolutional", for observations of a shape, with random weights."""
-    if kind == "convolutional":
-        return convolutional(tuple(shape), n_components, rng)
-    return mlp(math.prod(shape), n_components, hidden, rng)
+@dataclass(frozen=True)
+class MLP(Network):
+    """Dense layers with tanh between them, for observations of any shape.
 
-
-def filled(
-    weights: Sequence[np.ndarray], kind: str, shape: Sequence[int], n_components: int, hidden: Sequence[int]
-) -> AutoEncoderNetwork:
-    """The same with these weights, in the order of `jax.tree.leaves`."""
-    structure = jax.tree.structure(random(kind, shape, n_components, hidden, np.random.default_rng(0)))
-    return jax.tree.unflatten(structure, weights)
-
-
-def mlp(features: int, n_components: int, hidden: Sequence[int], rng: np.random.Generator) -> AutoEncoderNetwork:
-    """Dense layers of these widths between input and latent space, mirrored back; tanh inside, linear at both ends."""
-    widths = [features, *hidden, n_components]
-    return AutoEncoderNetwork(_dense_layers(widths, rng), _dense_layers(widths[::-1], rng))
-
-
-def convolutional(shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
-    """The network of the paper for observations of (steps, channels): 11,809 parameters for (50, 2) and two components.
-
-    Raises:
-        ValueError: the observations are no time series, or too long a one.
+    Args:
+        hidden: their widths, from input to latent space; mirrored in the decoder.
     """
-    if len(shape) != 2:
-        raise ValueError(
-            f"network 'convolutional' is for time series, observations of shape (n, steps, channels), got {rows_of(shape)}: "
-            "network 'mlp' takes any shape"
+
+    hidden: Sequence[int] = (128, 64, 32)
+    streams: ClassVar[bool] = False
+
+    def check(self) -> None:
+        """See `Network`."""
+        wholes("hidden", self.hidden, "widths of layers like (128, 64)", most=MOST_WIDTH)
+
+    def build(self, shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
+        """See `Network`."""
+        from auroraqd.descriptors.layers import AutoEncoderNetwork, dense_layers
+
+        widths = [math.prod(shape), *self.hidden, n_components]
+        return AutoEncoderNetwork(dense_layers(widths, rng), dense_layers(widths[::-1], rng))
+
+
+@dataclass(frozen=True)
+class Convolutional(Network):
+    """The network of the AURORA paper, for short time series, (steps, channels): 11,809 parameters for (50, 2) and two numbers.
+
+    Sec. "Experimental validation"; sizes, kernels and activations from the authors' re-released ballistic example.
+    """
+
+    streams: ClassVar[bool] = False
+    _maps: ClassVar[int] = 2
+    _dense: ClassVar[int] = 5
+
+    def check_shape(self, shape: tuple[int, ...]) -> None:
+        """See `Network`."""
+        if len(shape) != 2:
+            raise ValueError(
+                f"network 'convolutional' is for time series, observations of shape (n, steps, channels), got {rows_of(shape)}: "
+                "network 'mlp' takes any shape"
+            )
+        if math.prod(shape) > _MOST_ENTRIES:
+            raise ValueError(
+                f"network 'convolutional' takes time series of at most {_MOST_ENTRIES} entries, got {shape[0]} steps of "
+                f"{shape[1]} channels: network 'mlp' takes any"
+            )
+
+    def build(self, shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
+        """See `Network`."""
+        from auroraqd.descriptors.layers import AutoEncoderNetwork, Convolution, Dense, MaxPooling
+
+        features, maps = math.prod(shape), self._maps
+        encoder = (
+            Convolution.random(shape, 1, maps, "leaky_relu", rng),
+            MaxPooling(shape, maps),
+            Dense.random(maps * features, self._dense, "tanh", rng),
+            Dense.random(self._dense, n_components, "linear", rng),
         )
-    features = math.prod(shape)
-    if features > _MOST_ENTRIES:
-        raise ValueError(
-            f"network 'convolutional' takes time series of at most {_MOST_ENTRIES} entries, got {shape[0]} steps of "
-            f"{shape[1]} channels: network 'mlp' takes any"
+        decoder = (
+            Dense.random(n_components, self._dense, "tanh", rng),
+            Dense.random(self._dense, features, "tanh", rng),
+            Convolution.random(shape, 1, maps, "leaky_relu", rng),
+            Convolution.random(shape, maps, 1, "leaky_relu", rng),
+            Dense.random(features, features, "linear", rng),
         )
-    encoder = (
-        Convolution.random(shape, 1, _MAPS, "leaky_relu", rng),
-        MaxPooling(shape, _MAPS),
-        Dense.random(_MAPS * features, _DENSE, "tanh", rng),
-        Dense.random(_DENSE, n_components, "linear", rng),
-    )
-    decoder = (
-        Dense.random(n_components, _DENSE, "tanh", rng),
-        Dense.random(_DENSE, features, "tanh", rng),
-        Convolution.random(shape, 1, _MAPS, "leaky_relu", rng),
-        Convolution.random(shape, _MAPS, 1, "leaky_relu", rng),
-        Dense.random(features, features, "linear", rng),
-    )
-    return AutoEncoderNetwork(encoder, decoder)
+        return AutoEncoderNetwork(encoder, decoder)
 
 
-def _through(layers: tuple[Any, ...], x: Array) -> Array:
-    for layer in layers:
-        x = layer(x)
-    return x
+@dataclass(frozen=True)
+class Image(Network):
+    """Strided convolutions, for images (h, w) or (h, w, channels) of 16 to 128 pixels a side, a few frames as channels.
 
+    Whole numbers of eight bits are scaled by 255, and numbers in [0, 1] are taken as they are: the background stays where it
+    is. Others are scaled by their range. The squared error counts as a share of the variance of the observations, so that it
+    weighs the same for images of all sizes.
 
-def _dense_layers(widths: Sequence[int], rng: np.random.Generator) -> tuple["Dense", ...]:
-    activations = ["tanh"] * (len(widths) - 2) + ["linear"]
-    return tuple(Dense.random(a, b, name, rng) for a, b, name in zip(widths, widths[1:], activations, strict=False))
-
-
-class Dense(eqx.Module):
-    """A fully connected layer."""
-
-    weight: Array  # (inputs, outputs)
-    bias: Array  # (outputs,)
-    activation: str = eqx.field(static=True)
-
-    @classmethod
-    def random(cls, inputs: int, outputs: int, activation: str, rng: np.random.Generator) -> "Dense":
-        """Weights uniform with the variance 2 / (inputs + outputs) [Glorot & Bengio, AISTATS 2010]."""
-        return cls(_glorot((inputs, outputs), inputs + outputs, rng), np.zeros(outputs, np.float32), activation)
-
-    def __call__(self, x: Array) -> Array:
-        """(n, inputs) to (n, outputs)."""
-        return _activated(self.activation, x @ self.weight + self.bias)
-
-
-class Convolution(eqx.Module):
-    """A convolution over (steps, channels) images, zeros around them so that they keep their size.
-
-    Rows are images laid out as (maps, steps, channels). On a CPU, XLA's convolution of so few maps takes several times as
-    long as a product with the matrix that does the same, so that is how it is done.
+    Args:
+        maps: of the convolutions, from the first, whose stride leaves a grid of at most 16 x 16, to the last; each further one
+            halves the grid, down to 4 x 4 at the least.
+        hidden: width of the dense layer before the latent space.
+        error: weight of the squared error.
+        steps: the most steps of the optimiser in a repeat.
     """
 
-    kernel: Array  # (maps in, maps out, KERNEL entries)
-    bias: Array  # (maps out,)
-    shape: tuple[int, int] = eqx.field(static=True)  # steps, channels
-    activation: str = eqx.field(static=True)
+    maps: Sequence[int] = (16, 32, 32)
+    hidden: int = 128
+    error: float = 20.0
+    steps: int = 300  # pyright: ignore[reportIncompatibleMethodOverride]
+    geodesic: ClassVar[bool] = True
+    rate: ClassVar[float] = 0.2
 
-    @classmethod
-    def random(
-        cls, shape: tuple[int, ...], maps_in: int, maps_out: int, activation: str, rng: np.random.Generator
-    ) -> "Convolution":
-        """As `Dense.random`."""
-        taps = math.prod(KERNEL)
-        kernel = _glorot((maps_in, maps_out, taps), taps * (maps_in + maps_out), rng)
-        return cls(kernel, np.zeros(maps_out, np.float32), (shape[0], shape[1]), activation)
+    def check(self) -> None:
+        """See `Network`."""
+        if not wholes("maps", self.maps, "numbers of maps like (16, 32)", most=MOST_WIDTH):
+            raise ValueError("maps must be numbers of maps like (16, 32), one at least, got none")
+        whole("hidden", self.hidden, most=MOST_WIDTH)
+        whole("steps", self.steps)
 
-    def __call__(self, x: Array) -> Array:
-        """(n, maps in * steps * channels) to (n, maps out * steps * channels)."""
-        maps_in, maps_out, taps = self.kernel.shape
-        size = math.prod(self.shape)
-        matrix = self.kernel.reshape(-1, taps) @ _placements(self.shape).astype(self.kernel.dtype)
-        matrix = matrix.reshape(maps_in, maps_out, size, size).transpose(0, 2, 1, 3).reshape(maps_in * size, maps_out * size)
-        xp = self.kernel.__array_namespace__()
-        return _activated(self.activation, x @ matrix + xp.repeat(self.bias, size))
+    def check_shape(self, shape: tuple[int, ...]) -> None:
+        """See `Network`."""
+        if not is_image(shape):
+            raise ValueError(
+                f"network 'image' is for images, observations of shape (n, height, width) or (n, height, width, channels), from "
+                f"{_SMALLEST} to {_LARGEST} pixels a side and of at most {_MOST_CHANNELS} channels, got {rows_of(shape)}"
+            )
 
+    def scaling(self, observation: np.ndarray) -> Scaling:
+        """See the class."""
+        return Scaling.pixels(observation.reshape(len(observation), *_with_channels(observation.shape[1:])))
 
-class MaxPooling(eqx.Module):
-    """The maximum over 2 x 2 windows of each image, stride 1; windows at the end are cut off by the border."""
+    def build(self, shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
+        """See `Network`."""
+        from auroraqd.descriptors.layers import image_network
 
-    shape: tuple[int, int] = eqx.field(static=True)
-    maps: int = eqx.field(static=True)
+        return image_network(_with_channels(shape), n_components, self.maps, self.hidden, (_GRID, _COARSE), rng)
 
-    def __init__(self, shape: tuple[int, ...], maps: int):
-        self.shape, self.maps = (shape[0], shape[1]), maps
+    def loss(self, x: Array, reconstruction: Array, variance: Array) -> Array:
+        """See the class."""
+        return self.error * ((reconstruction - x) ** 2).sum(axis=1) / variance
 
-    def __call__(self, x: Array) -> Array:
-        """(n, maps * steps * channels) to the same."""
-        xp = x.__array_namespace__()
-        images = x.reshape(-1, self.maps, *self.shape)
-        for axis in (2, 3):
-            following = [slice(None)] * 4
-            following[axis] = slice(1, None)
-            last = [slice(None)] * 4
-            last[axis] = slice(-1, None)
-            images = xp.maximum(images, xp.concatenate([images[tuple(following)], images[tuple(last)]], axis=axis))
-        return images.reshape(x.shape)
+    def measured(self, observation: np.ndarray, scaling: Scaling) -> np.ndarray:
+        """Blurred, at several scales: distances of sharp images say nothing as soon as what is seen does not overlap."""
+        return multiscale(observation.reshape(len(observation), *_with_channels(observation.shape[1:])), scaling)
 
 
-def _placements(shape: tuple[int, int]) -> np.ndarray:
-    """(KERNEL entries, size * size) of 0 and 1: which entry of the kernel leads from which input to which output.
+NAMED: dict[str, type[Network]] = {"mlp": MLP, "convolutional": Convolutional, "image": Image}
+NAMES = ("auto", *NAMED)
 
-    As TensorFlow's "same" padding: of an even number of zeros lacking, one more comes after than before.
+
+def chosen(shape: tuple[int, ...], dtype: np.dtype, hidden: Sequence[int]) -> Network:
+    """The network for observations of this shape, without the rows, and dtype: what `network="auto"` stands for.
+
+    (h, w, channels) is an image if its sides are 16 to 128, and so is (h, w) of whole numbers of eight bits; all else is for
+    dense layers.
     """
-    step, channel = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
-    row = step[:, None] - step[None, :] + (KERNEL[0] - 1) // 2  # [input, output]
-    column = channel[:, None] - channel[None, :] + (KERNEL[1] - 1) // 2
-    entry = np.where((row >= 0) & (row < KERNEL[0]) & (column >= 0) & (column < KERNEL[1]), row * KERNEL[1] + column, -1)
-    return (entry.reshape(1, -1) == np.arange(math.prod(KERNEL))[:, None]).astype(np.float32)
+    if is_image(shape) and (len(shape) == 3 or dtype == np.uint8):
+        return Image()
+    return MLP(tuple(hidden))
 
 
-def _glorot(shape: tuple[int, ...], fans: int, rng: np.random.Generator) -> np.ndarray:
-    limit = math.sqrt(6 / fans)
-    return rng.uniform(-limit, limit, shape).astype(np.float32)
+def is_image(shape: tuple[int, ...]) -> bool:
+    """Whether observations of this shape can be images."""
+    sides = all(_SMALLEST <= side <= _LARGEST for side in shape[:2])
+    return len(shape) in (2, 3) and sides and _with_channels(shape)[2] <= _MOST_CHANNELS
 
 
-def _activated(name: str, x: Array) -> Array:
-    xp = x.__array_namespace__()
-    if name == "tanh":
-        return xp.tanh(x)
-    if name == "leaky_relu":
-        return xp.maximum(x, 0.2 * x)
-    return x
+def _with_channels(shape: tuple[int, ...]) -> tuple[int, int, int]:
+    return (shape[0], shape[1], shape[2] if len(shape) == 3 else 1)

@@ -87,6 +87,16 @@ class Scaling(NamedTuple):
             ends.append((center - half, center + half))
         return cls(*(np.nan_to_num(np.concatenate(parts)) for parts in zip(*ends, strict=True)))
 
+    @classmethod
+    def pixels(cls, images: np.ndarray) -> "Scaling":
+        """Of images, (n, h, w, channels): from 0 to 255 where they are whole numbers of eight bits, from 0 to 1 where they
+        stay within, and otherwise as `of`.
+        """
+        low, high = np.zeros(images.shape[-1]), np.ones(images.shape[-1])
+        if images.dtype == np.uint8:
+            return cls(low, 255 * high)
+        return cls(low, high) if images.min() >= 0 and images.max() <= 1 else cls.of(images)
+
     def scaler(self, features: int) -> "Scaler":
         """What scales observations of this many features in all."""
         half = self.high / 2 - self.low / 2

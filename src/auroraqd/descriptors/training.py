@@ -4,12 +4,14 @@ The protocol is the paper's (Sec. "Dimensionality reduction algorithms"): severa
 and validation rows and each continuing the same weights; a repeat ends early when the validation error, averaged over a
 number of epochs, rises.
 
-The loop is compiled once for each power of four of the number of rows, not for each number: rows beyond the last are padding
-that no mini-batch draws. Python only looks in between, about twice a second, to show progress.
+Short rows lie in memory as a whole, scaled. The loop is compiled once for each power of four of their number, not for each
+number: rows beyond the last are padding that no mini-batch draws. Python only looks in between, about twice a second, to show
+progress. Long ones, images, are read in parts of a few mini-batches from where they are stored, in their dtype, and scaled a
+mini-batch at a time; that loop is compiled once for any number of them.
 """
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -20,7 +22,9 @@ import numpy as np
 import optax
 
 from auroraqd._interrupts import uninterrupted
-from auroraqd.descriptors.networks import AutoEncoderNetwork
+from auroraqd.descriptors.layers import AutoEncoderNetwork
+from auroraqd.descriptors.networks import Network
+from auroraqd.descriptors.scaling import Scaler
 
 Array = Any
 _LEAST_ROWS = 256
@@ -45,6 +49,22 @@ class Protocol(NamedTuple):
     validation: float
     split_above: int
     isometry: float
+
+
+class Data(NamedTuple):
+    """What to train on.
+
+    Attributes:
+        x: (n, features): scaled rows, float32, or observations as they are, to be read in parts.
+        scaler: of observations as they are; None for scaled rows.
+        targets: (n, m) float32, whose distances those in the latent space are to be proportional to; None: the rows themselves.
+        variance: the mean over scaled rows of their squared distance to the mean row.
+    """
+
+    x: np.ndarray
+    scaler: Scaler | None = None
+    targets: np.ndarray | None = None
+    variance: float = 1.0
 
 
 class Progress(NamedTuple):
@@ -90,6 +110,8 @@ class _State(NamedTuple):
 
 class _Rows(NamedTuple):
     x: Array  # (padded, features)
+    targets: Array | None  # (padded, m)
+    variance: Array
     train: Array  # (padded,) rows to train on, the first n_train valid
     n_train: Array
     check: Array  # (padded,) rows to validate on
@@ -98,16 +120,17 @@ class _Rows(NamedTuple):
 
 def train(
     network: AutoEncoderNetwork,
-    x: np.ndarray,
+    data: Data,
+    kind: Network,
     protocol: Protocol,
     rng: np.random.Generator,
     listener: Callable[[Progress], Any] | None = None,
 ) -> Trained:
-    """Train on rows, (n, features) float32, from these weights on.
+    """Train a network of this kind from these weights on.
 
     When an epoch gives a NaN or an infinity, training ends with the weights that were the best before.
     """
-    steps = _steps(network, x, protocol, rng)
+    steps = (_steps if data.scaler is None else _steps_in_parts)(network, data, kind, protocol, rng)
     while True:
         try:
             with uninterrupted():  # JAX can lose an interrupt that comes while it traces or compiles
@@ -119,22 +142,28 @@ def train(
 
 
 def _steps(
-    network: AutoEncoderNetwork, x: np.ndarray, protocol: Protocol, rng: np.random.Generator
+    network: AutoEncoderNetwork, data: Data, kind: Network, protocol: Protocol, rng: np.random.Generator
 ) -> Generator[Progress, None, Trained]:
     """The training in pieces of about half a second; returns its result."""
-    n = len(x)
+    n = len(data.x)
     size, padded = _sizes(n, protocol.batch_size)
-    data = jnp.asarray(np.concatenate([x, np.zeros((padded - n, x.shape[1]), np.float32)]))
+    x, targets = (None if rows is None else _padded(rows, padded) for rows in (data.x, data.targets))
     weights, structure = eqx.partition(jax.tree.map(jnp.asarray, network), eqx.is_array)
-    # What only changes how long the loop runs is left out of what it is compiled for.
-    step = _compiled(
-        structure, protocol._replace(batch_size=size, max_epochs=0, min_steps=0, repeats=0, validation=0, split_above=0)
-    )
+    step = _compiled(structure, kind, _compiled_for(protocol, size))
     epochs, rmse, diverged = [], float("nan"), False
     validated = _held_back(n, protocol) > 0
     optimizer = step.optimizer.init(weights)
     for repeat in range(protocol.repeats):
-        rows = _split(data, n, protocol, rng)
+        check, training = _split(n, protocol, rng)
+        rows = _Rows(
+            x,
+            targets,
+            jnp.float32(data.variance),
+            _padded(training, padded),
+            jnp.asarray(len(training)),
+            _padded(check, padded),
+            jnp.asarray(len(check)),
+        )
         steps = -(-int(rows.n_train) // size)
         max_epochs = max(protocol.max_epochs, -(-protocol.min_steps // steps))
         state = _State(
@@ -185,15 +214,21 @@ def _held_back(n: int, protocol: Protocol) -> int:
     return min(round(protocol.validation * n), n - 1) if n > protocol.split_above else 0
 
 
-def _split(data: Array, n: int, protocol: Protocol, rng: np.random.Generator) -> _Rows:
+def _split(n: int, protocol: Protocol, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the rows to validate on, and to train on; the same where none are held back."""
     order = rng.permutation(n).astype(np.int32)
     n_check = _held_back(n, protocol)
-    check, training = (order[:n_check], order[n_check:]) if n_check else (order, order)
+    return (order[:n_check], order[n_check:]) if n_check else (order, order)
 
-    def filled(rows: np.ndarray) -> Array:
-        return jnp.asarray(np.concatenate([rows, np.zeros(len(data) - len(rows), np.int32)]))
 
-    return _Rows(data, filled(training), jnp.asarray(len(training)), filled(check), jnp.asarray(len(check)))
+def _padded(rows: np.ndarray, n: int) -> Array:
+    """Rows, and zeros after them, n in all."""
+    return jnp.asarray(np.concatenate([rows, np.zeros((n - len(rows), *rows.shape[1:]), rows.dtype)]))
+
+
+def _compiled_for(protocol: Protocol, size: int) -> Protocol:
+    """Without what only changes how long the loop runs."""
+    return protocol._replace(batch_size=size, max_epochs=0, min_steps=0, repeats=0, validation=0, split_above=0)
 
 
 class _Span(NamedTuple):
@@ -204,34 +239,58 @@ class _Span(NamedTuple):
     max_epochs: Array
 
 
-class _Compiled(NamedTuple):
+class _Functions(NamedTuple):
+    """What both loops are made of."""
+
     optimizer: optax.GradientTransformation
-    epochs: Callable[..., _State]
+    objective: Callable[..., tuple[Array, Array]]
+    step: Callable[..., tuple[Any, Any]]
 
 
 @cache
-def _compiled(structure: Any, protocol: Protocol) -> _Compiled:
-    size = protocol.batch_size
-    assert size is not None
+def _functions(structure: Any, kind: Network, protocol: Protocol) -> _Functions:
     if protocol.optimizer == "adam":
         scale = optax.scale_by_adam()
     else:
         scale = optax.scale_by_rss(initial_accumulator_value=_ADAGRAD_START)
     optimizer = optax.chain(optax.clip_by_global_norm(protocol.clip), scale) if protocol.clip else scale
 
-    def objective(weights: Any, x: Array, valid: Array) -> tuple[Array, Array]:
+    def objective(weights: Any, x: Array, targets: Array | None, valid: Array, variance: Array) -> tuple[Array, Array]:
         """Of a mini-batch (size, features) of which the rows `valid` count: the loss, and the sum of squared errors."""
         network = eqx.combine(weights, structure)
         z = network.encode(x)
-        squares = jnp.where(valid, ((network.decode(z) - x) ** 2).sum(axis=1), 0).sum()
-        loss = squares / valid.sum()
+        decoded = network.decode(z)
+        squares = jnp.where(valid, ((decoded - x) ** 2).sum(axis=1), 0).sum()
+        loss = jnp.where(valid, kind.loss(x, decoded, variance), 0).sum() / valid.sum()
         if protocol.isometry:
-            loss = loss + protocol.isometry * distortion(x, z, valid)
+            loss = loss + protocol.isometry * distortion(x if targets is None else targets, z, valid)
         return loss, squares
 
-    def batch(rows: _Rows, order: Array, n: Array, i: Array) -> tuple[Array, Array]:
+    def step(weights: Any, slots: Any, done: Array, *batch: Any) -> tuple[Any, Any]:
+        """One of the optimiser, when this share of the training is done."""
+        gradient, _ = jax.grad(objective, has_aux=True)(weights, *batch)
+        update, slots = optimizer.update(gradient, slots, weights)
+        rate = protocol.learning_rate * (_one_cycle(done, protocol.warmup) if protocol.decay == "cosine" else 1.0)
+        return jax.tree.map(lambda w, u: w - rate * u, weights, update), slots
+
+    return _Functions(optimizer, objective, step)
+
+
+class _Compiled(NamedTuple):
+    optimizer: optax.GradientTransformation
+    epochs: Callable[..., _State]
+
+
+@cache
+def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
+    optimizer, objective, one_step = _functions(structure, kind, protocol)
+    size = protocol.batch_size
+    assert size is not None
+
+    def batch(rows: _Rows, order: Array, n: Array, i: Array) -> tuple[Any, ...]:
         chosen = jax.lax.dynamic_slice(order, (i * size,), (size,))
-        return rows.x[chosen], i * size + jnp.arange(size) < n
+        targets = None if rows.targets is None else rows.targets[chosen]
+        return rows.x[chosen], targets, i * size + jnp.arange(size) < n, rows.variance
 
     def epoch(state: _State, rows: _Rows, span: _Span) -> _State:
         key, shuffle = jax.random.split(state.key)
@@ -240,19 +299,15 @@ def _compiled(structure: Any, protocol: Protocol) -> _Compiled:
         steps = (rows.n_train + size - 1) // size
 
         def step(i: Array, carried: tuple[Any, Any]) -> tuple[Any, Any]:
-            weights, slots = carried
-            gradient, _ = jax.grad(objective, has_aux=True)(weights, *batch(rows, order, rows.n_train, i))
-            update, slots = optimizer.update(gradient, slots, weights)
             done = span.start + span.share * (state.epoch + i / steps) / span.max_epochs
-            rate = protocol.learning_rate * (_one_cycle(done, protocol.warmup) if protocol.decay == "cosine" else 1.0)
-            return jax.tree.map(lambda w, u: w - rate * u, weights, update), slots
+            return one_step(*carried, done, *batch(rows, order, rows.n_train, i))
 
         weights, slots = jax.lax.fori_loop(0, steps, step, (state.network, state.optimizer))
 
         def check(i: Array, carried: tuple[Array, Array]) -> tuple[Array, Array]:
-            x, valid = batch(rows, rows.check, rows.n_check, i)
-            loss, squares = objective(weights, x, valid)
-            return carried[0] + loss * valid.sum(), carried[1] + squares
+            of = batch(rows, rows.check, rows.n_check, i)
+            loss, squares = objective(weights, *of)
+            return carried[0] + loss * of[2].sum(), carried[1] + squares
 
         total, squares = jax.lax.fori_loop(0, (rows.n_check + size - 1) // size, check, (jnp.float32(0), jnp.float32(0)))
         error = total / rows.n_check
@@ -280,6 +335,117 @@ def _compiled(structure: Any, protocol: Protocol) -> _Compiled:
         return jax.lax.while_loop(lambda s: ~s.over & (s.epoch < last), lambda s: epoch(s, rows, span), state)
 
     return _Compiled(optimizer, epochs)
+
+
+_PART = 16  # mini-batches that are read at a time, where rows are not held in memory
+
+
+class _InParts(NamedTuple):
+    train: Callable[..., tuple[Any, Any]]
+    check: Callable[..., tuple[Array, Array]]
+
+
+class _Part(NamedTuple):
+    """Some rows, of which the first n are valid, and how they are scaled."""
+
+    x: Array  # (_PART * size, features), in their own dtype
+    targets: Array | None
+    n: Array
+    center: Array
+    factor: Array
+    variance: Array
+
+
+@cache
+def _compiled_in_parts(structure: Any, kind: Network, protocol: Protocol) -> _InParts:
+    _, objective, one_step = _functions(structure, kind, protocol)
+    size = protocol.batch_size
+    assert size is not None
+
+    def batch(part: _Part, i: Array) -> tuple[Any, ...]:
+        def rows(values: Array) -> Array:
+            return jax.lax.dynamic_slice_in_dim(values, i * size, size)
+
+        x = (rows(part.x).astype(jnp.float32) - part.center) * part.factor
+        targets = None if part.targets is None else rows(part.targets)
+        return x, targets, i * size + jnp.arange(size) < part.n, part.variance
+
+    @jax.jit
+    def train(weights: Any, slots: Any, part: _Part, done: Array, gain: Array) -> tuple[Any, Any]:
+        """Steps on a part, the share `done` of the training being done before, and `gain` more with each."""
+        steps = (part.n + size - 1) // size
+        step = lambda i, carried: one_step(*carried, done + i * gain, *batch(part, i))  # noqa: E731
+        return jax.lax.fori_loop(0, steps, step, (weights, slots))
+
+    @jax.jit
+    def check(weights: Any, part: _Part) -> tuple[Array, Array]:
+        """The loss and the squared error, summed over the rows of a part."""
+
+        def add(i: Array, carried: tuple[Array, Array]) -> tuple[Array, Array]:
+            of = batch(part, i)
+            loss, squares = objective(weights, *of)
+            return carried[0] + loss * of[2].sum(), carried[1] + squares
+
+        return jax.lax.fori_loop(0, (part.n + size - 1) // size, add, (jnp.float32(0), jnp.float32(0)))
+
+    return _InParts(train, check)
+
+
+def _steps_in_parts(
+    network: AutoEncoderNetwork, data: Data, kind: Network, protocol: Protocol, rng: np.random.Generator
+) -> Generator[Progress, None, Trained]:
+    """As `_steps`, of rows that are read in parts."""
+    n = len(data.x)
+    size = n if protocol.batch_size is None else min(protocol.batch_size, n)
+    weights, structure = eqx.partition(jax.tree.map(jnp.asarray, network), eqx.is_array)
+    compiled = _compiled_in_parts(structure, kind, _compiled_for(protocol, size))
+    slots = _functions(structure, kind, _compiled_for(protocol, size)).optimizer.init(weights)
+    validated, epochs, rmse, diverged, told = _held_back(n, protocol) > 0, [], float("nan"), False, 0.0
+    for repeat in range(protocol.repeats):
+        check, training = _split(n, protocol, rng)
+        steps = -(-len(training) // size)
+        max_epochs = max(protocol.max_epochs, -(-protocol.min_steps // steps))
+        if kind.steps is not None:
+            max_epochs = max(1, min(max_epochs, kind.steps // steps))
+        best, best_error, errors = weights, np.inf, []
+        while len(errors) < max_epochs and not diverged and not _has_risen(errors, protocol.patience):
+            done, gain = (repeat + len(errors) / max_epochs) / protocol.repeats, 1 / (protocol.repeats * max_epochs * steps)
+            for first, part in _parts(data, rng.permutation(training), size):
+                weights, slots = compiled.train(
+                    weights, slots, part, np.float32(done + gain * (first // size)), np.float32(gain)
+                )
+            sums = [compiled.check(weights, part) for _, part in _parts(data, check, size)]
+            error, squares = (float(sum(values)) / len(check) for values in zip(*sums, strict=True))
+            errors.append(error)
+            diverged = not np.isfinite(error)
+            if error < best_error:
+                best, best_error, rmse = weights, error, float(np.sqrt(squares / data.x.shape[1]))
+            if time.monotonic() >= told or diverged or len(errors) == max_epochs:
+                told = time.monotonic() + _REPORT
+                shown = float(np.sqrt(squares / data.x.shape[1]))
+                yield Progress(repeat + 1, protocol.repeats, len(errors), max_epochs, shown, validated)
+        weights = best
+        epochs.append(len(errors))
+        if diverged:
+            break
+    return Trained(eqx.combine(jax.tree.map(np.asarray, weights), structure), epochs, rmse, validated, diverged)
+
+
+def _parts(data: Data, rows: np.ndarray, size: int) -> Iterator[tuple[int, _Part]]:
+    """The rows of these numbers in parts of a fixed number, and at which of them each begins."""
+    assert data.scaler is not None
+    center, factor = (jnp.asarray(values, jnp.float32) for values in (data.scaler.center, data.scaler.factor))
+    length = size * min(_PART, -(-len(rows) // size))
+    for first in range(0, len(rows), length):
+        chosen = rows[first : first + length]
+        x, targets = (None if of is None else _padded(of[chosen], length) for of in (data.x, data.targets))
+        assert x is not None
+        yield first, _Part(x, targets, jnp.asarray(len(chosen)), center, factor, jnp.float32(data.variance))
+
+
+def _has_risen(errors: list[float], patience: int) -> bool:
+    """As `_rising`, of all errors so far."""
+    return len(errors) >= 2 * patience and sum(errors[-patience:]) > sum(errors[-2 * patience : -patience])
 
 
 def _one_cycle(done: Array, warmup: float) -> Array:

@@ -1,0 +1,283 @@
+"""Layers of auto-encoders: Equinox modules that map rows to rows.
+
+Those of `MLP` and of `Convolutional` work on JAX arrays, for training, and on NumPy arrays of any precision, for use: of short
+rows NumPy is several times as fast as a compiled function with its padding, and it describes in float64, so that a copy in
+another batch differs by rounding only. The others are compiled for both: see `auroraqd.descriptors.inference`.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+Array = Any  # of NumPy or of JAX
+
+KERNEL = (6, 2)  # steps, channels
+
+
+class AutoEncoderNetwork(eqx.Module):
+    """An encoder and a decoder.
+
+    Attributes:
+        encoder: layers from (n, features) to (n, n_components).
+        decoder: layers from there back to (n, features).
+    """
+
+    encoder: tuple[eqx.Module, ...]
+    decoder: tuple[eqx.Module, ...]
+
+    def encode(self, x: Array) -> Array:
+        """(n, features) to (n, n_components)."""
+        return _through(self.encoder, x)
+
+    def decode(self, z: Array) -> Array:
+        """(n, n_components) to (n, features)."""
+        return _through(self.decoder, z)
+
+
+def _through(layers: tuple[Any, ...], x: Array) -> Array:
+    for layer in layers:
+        x = layer(x)
+    return x
+
+
+def dense_layers(widths: Sequence[int], rng: np.random.Generator) -> tuple["Dense", ...]:
+    """Dense layers between these widths; tanh inside, linear at the end."""
+    activations = ["tanh"] * (len(widths) - 2) + ["linear"]
+    return tuple(Dense.random(a, b, name, rng) for a, b, name in zip(widths, widths[1:], activations, strict=False))
+
+
+def image_network(
+    shape: tuple[int, int, int],
+    n_components: int,
+    maps: Sequence[int],
+    hidden: int,
+    grid: tuple[int, int],
+    rng: np.random.Generator,
+) -> AutoEncoderNetwork:
+    """Strided convolutions and a dense layer, and the same back, for rows of images of shape (h, w, channels).
+
+    Args:
+        shape: of an image.
+        n_components: size of the latent space.
+        maps: of the convolutions; the last ones are left out where the grid is small enough without.
+        hidden: width of the dense layer.
+        grid: cells a side, at most, after the first convolution, and before the dense layer.
+        rng: for the weights.
+    """
+    shapes, strides = [shape], []
+    for count in maps:
+        longest, first = max(shapes[-1][:2]), not strides
+        if not first and longest <= grid[1]:
+            break
+        strides.append(-(-longest // grid[0]) if first else 2)
+        height, width = (-(-side // strides[-1]) for side in shapes[-1][:2])
+        shapes.append((height, width, count))
+    inside, convolutions, back = math.prod(shapes[-1]), [], []
+    for i, stride in enumerate(strides):
+        convolutions.append(Strided.random(shapes[i], stride, shapes[i + 1][2], "silu", rng))
+        activation = "silu" if i else "linear"
+        back.insert(0, Unstrided.random(shapes[i + 1], stride, shapes[i], activation, rng))
+    encoder = (
+        *convolutions,
+        Dense.random(inside, hidden, "silu", rng),
+        Dense.random(hidden, n_components, "linear", rng),
+    )
+    decoder = (
+        Dense.random(n_components, hidden, "silu", rng),
+        Dense.random(hidden, hidden, "silu", rng),
+        Dense.random(hidden, inside, "silu", rng),
+        *back,
+        Offset(np.zeros(math.prod(shape), np.float32)),
+    )
+    return AutoEncoderNetwork(encoder, decoder)
+
+
+class Dense(eqx.Module):
+    """A fully connected layer."""
+
+    weight: Array  # (inputs, outputs)
+    bias: Array  # (outputs,)
+    activation: str = eqx.field(static=True)
+
+    @classmethod
+    def random(cls, inputs: int, outputs: int, activation: str, rng: np.random.Generator) -> "Dense":
+        """Weights uniform with the variance 2 / (inputs + outputs) [Glorot & Bengio, AISTATS 2010]."""
+        return cls(_glorot((inputs, outputs), inputs + outputs, rng), np.zeros(outputs, np.float32), activation)
+
+    def __call__(self, x: Array) -> Array:
+        """(n, inputs) to (n, outputs)."""
+        return _activated(self.activation, x @ self.weight + self.bias)
+
+
+class Convolution(eqx.Module):
+    """A convolution over (steps, channels) images, zeros around them so that they keep their size.
+
+    Rows are images laid out as (maps, steps, channels). On a CPU, XLA's convolution of so few maps takes several times as
+    long as a product with the matrix that does the same, so that is how it is done.
+    """
+
+    kernel: Array  # (maps in, maps out, KERNEL entries)
+    bias: Array  # (maps out,)
+    shape: tuple[int, int] = eqx.field(static=True)  # steps, channels
+    activation: str = eqx.field(static=True)
+
+    @classmethod
+    def random(
+        cls, shape: tuple[int, ...], maps_in: int, maps_out: int, activation: str, rng: np.random.Generator
+    ) -> "Convolution":
+        """As `Dense.random`."""
+        taps = math.prod(KERNEL)
+        kernel = _glorot((maps_in, maps_out, taps), taps * (maps_in + maps_out), rng)
+        return cls(kernel, np.zeros(maps_out, np.float32), (shape[0], shape[1]), activation)
+
+    def __call__(self, x: Array) -> Array:
+        """(n, maps in * steps * channels) to (n, maps out * steps * channels)."""
+        maps_in, maps_out, taps = self.kernel.shape
+        size = math.prod(self.shape)
+        matrix = self.kernel.reshape(-1, taps) @ _placements(self.shape).astype(self.kernel.dtype)
+        matrix = matrix.reshape(maps_in, maps_out, size, size).transpose(0, 2, 1, 3).reshape(maps_in * size, maps_out * size)
+        xp = self.kernel.__array_namespace__()
+        return _activated(self.activation, x @ matrix + xp.repeat(self.bias, size))
+
+
+class Strided(eqx.Module):
+    """A convolution over images, (h, w, channels), whose kernel is twice as wide as its stride, zeros around them.
+
+    Images are cut into blocks of the stride, and a product with a matrix is taken over each 2 x 2 of them: in a loop on a CPU
+    that takes a twentieth of the time of XLA's own convolution.
+    """
+
+    weight: Array  # (4 blocks of stride * stride * channels, maps out)
+    bias: Array  # (maps out,)
+    shape: tuple[int, int, int] = eqx.field(static=True)
+    stride: int = eqx.field(static=True)
+    activation: str = eqx.field(static=True)
+
+    @classmethod
+    def random(
+        cls, shape: tuple[int, int, int], stride: int, maps: int, activation: str, rng: np.random.Generator
+    ) -> "Strided":
+        """Weights uniform, with the variance 1 / inputs [LeCun et al., 1998]."""
+        inputs = 4 * stride**2 * shape[2]
+        return cls(_lecun(inputs, maps, rng), np.zeros(maps, np.float32), shape, stride, activation)
+
+    def __call__(self, x: Array) -> Array:
+        """(n, h * w * channels) to (n, ceil(h / stride) * ceil(w / stride) * maps)."""
+        (height, width, channels), s = self.shape, self.stride
+        rows, columns = -(-height // s), -(-width // s)  # of the grid
+        before = s // 2
+        ends = ((rows + 1) * s - height - before, (columns + 1) * s - width - before)
+        images = x.reshape(-1, height, width, channels)
+        images = jnp.pad(images, ((0, 0), (before, ends[0]), (before, ends[1]), (0, 0)))
+        blocks = images.reshape(-1, rows + 1, s, columns + 1, s, channels).transpose(0, 1, 3, 2, 4, 5)
+        blocks = blocks.reshape(-1, rows + 1, columns + 1, s * s * channels)
+        return _activated(self.activation, _squares(blocks) @ self.weight + self.bias).reshape(len(x), -1)
+
+
+class Unstrided(eqx.Module):
+    """The transpose of `Strided`: from its grid to images. Blocks that overlap add up."""
+
+    weight: Array  # (4 cells of maps in, stride * stride * channels)
+    bias: Array  # (channels,)
+    grid: tuple[int, int, int] = eqx.field(static=True)  # rows, columns, maps in
+    shape: tuple[int, int, int] = eqx.field(static=True)  # h, w, channels
+    stride: int = eqx.field(static=True)
+    activation: str = eqx.field(static=True)
+
+    @classmethod
+    def random(
+        cls,
+        grid: tuple[int, int, int],
+        stride: int,
+        shape: tuple[int, int, int],
+        activation: str,
+        rng: np.random.Generator,
+    ) -> "Unstrided":
+        """As `Strided.random`."""
+        weight = _lecun(4 * grid[2], stride**2 * shape[2], rng)
+        return cls(weight, np.zeros(shape[2], np.float32), grid, shape, stride, activation)
+
+    def __call__(self, x: Array) -> Array:
+        """(n, rows * columns * maps in) to (n, h * w * channels)."""
+        (rows, columns, _), (height, width, channels), s = self.grid, self.shape, self.stride
+        cells = jnp.pad(x.reshape(-1, *self.grid), ((0, 0), (1, 1), (1, 1), (0, 0)))
+        blocks = (_squares(cells) @ self.weight).reshape(-1, rows + 1, columns + 1, s, s, channels)
+        images = blocks.transpose(0, 1, 3, 2, 4, 5).reshape(-1, (rows + 1) * s, (columns + 1) * s, channels)
+        before = s // 2
+        images = images[:, before : before + height, before : before + width]
+        return _activated(self.activation, images + self.bias).reshape(len(x), -1)
+
+
+class Offset(eqx.Module):
+    """What is added to each row: the background of images."""
+
+    bias: Array  # (features,)
+
+    def __call__(self, x: Array) -> Array:
+        """(n, features) to the same."""
+        return x + self.bias
+
+
+def _squares(cells: Array) -> Array:
+    """(n, rows, columns, maps) to (n, rows - 1, columns - 1, 4 maps): each cell, and those right of it, below, and both."""
+    return jnp.concatenate([cells[:, :-1, :-1], cells[:, :-1, 1:], cells[:, 1:, :-1], cells[:, 1:, 1:]], axis=-1)
+
+
+class MaxPooling(eqx.Module):
+    """The maximum over 2 x 2 windows of each image, stride 1; windows at the end are cut off by the border."""
+
+    shape: tuple[int, int] = eqx.field(static=True)
+    maps: int = eqx.field(static=True)
+
+    def __init__(self, shape: tuple[int, ...], maps: int):
+        self.shape, self.maps = (shape[0], shape[1]), maps
+
+    def __call__(self, x: Array) -> Array:
+        """(n, maps * steps * channels) to the same."""
+        xp = x.__array_namespace__()
+        images = x.reshape(-1, self.maps, *self.shape)
+        for axis in (2, 3):
+            following = [slice(None)] * 4
+            following[axis] = slice(1, None)
+            last = [slice(None)] * 4
+            last[axis] = slice(-1, None)
+            images = xp.maximum(images, xp.concatenate([images[tuple(following)], images[tuple(last)]], axis=axis))
+        return images.reshape(x.shape)
+
+
+def _placements(shape: tuple[int, int]) -> np.ndarray:
+    """(KERNEL entries, size * size) of 0 and 1: which entry of the kernel leads from which input to which output.
+
+    As TensorFlow's "same" padding: of an even number of zeros lacking, one more comes after than before.
+    """
+    step, channel = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
+    row = step[:, None] - step[None, :] + (KERNEL[0] - 1) // 2  # [input, output]
+    column = channel[:, None] - channel[None, :] + (KERNEL[1] - 1) // 2
+    entry = np.where((row >= 0) & (row < KERNEL[0]) & (column >= 0) & (column < KERNEL[1]), row * KERNEL[1] + column, -1)
+    return (entry.reshape(1, -1) == np.arange(math.prod(KERNEL))[:, None]).astype(np.float32)
+
+
+def _glorot(shape: tuple[int, ...], fans: int, rng: np.random.Generator) -> np.ndarray:
+    limit = math.sqrt(6 / fans)
+    return rng.uniform(-limit, limit, shape).astype(np.float32)
+
+
+def _lecun(inputs: int, outputs: int, rng: np.random.Generator) -> np.ndarray:
+    limit = math.sqrt(3 / inputs)
+    return rng.uniform(-limit, limit, (inputs, outputs)).astype(np.float32)
+
+
+def _activated(name: str, x: Array) -> Array:
+    if name == "silu":  # of networks that are compiled
+        return jax.nn.silu(x)
+    xp = x.__array_namespace__()
+    if name == "tanh":
+        return xp.tanh(x)
+    if name == "leaky_relu":
+        return xp.maximum(x, 0.2 * x)
+    return x
