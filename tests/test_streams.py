@@ -1,17 +1,21 @@
 """Observations of several streams: joints, a path and a camera at once."""
 
+import pickle
+import warnings
+
 import numpy as np
 import pytest
 from commands import cli
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from sklearn.decomposition import PCA
+from sklearn.decomposition import PCA, KernelPCA
 
 import auroraqd
 from auroraqd import asynchronous, evaluate, report
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.descriptors.scaling import Scaling, far_outside
+from auroraqd.individuals import Columns
 from auroraqd.observations import features_of, flat, joined, layout_of, streams_of, unflattened
 from auroraqd.tasks import each, from_jax, repeated
 
@@ -295,3 +299,101 @@ def test_command_line(tmp_path):
     assert done.returncode == 0, done.stderr
     done = cli("show", tmp_path / "run")
     assert "observation heat (2, 4), place (2,)" in done.stdout.replace("\n", " ")
+
+
+def each_stream():
+    return auroraqd.Streams(joints=PCA(2), path=PCA(1), camera=None, weights={"path": 3})
+
+
+def test_each_stream_is_described_by_its_own():
+    observation = joined(robot(np.random.default_rng(0).random((60, 3)))[1])
+    descriptor = Descriptor(each_stream()).refitted(observation)
+    z, error = descriptor.describe(Columns({"observation": observation}))
+    back = descriptor.reconstruct(z)
+    naive, squares = [], []
+    for name, d, weight in (("joints", 2, 1), ("path", 1, 3)):
+        scaler = Scaling.of(observation[name]).scaler(observation[name][0].size)
+        x = scaler(observation[name])
+        pca = PCA(d).fit(x)
+        own = pca.transform(x)
+        naive.append(weight * own / np.sqrt(own.var(axis=0).sum()))
+        squares.append(np.mean((pca.inverse_transform(own) - x) ** 2, axis=1))
+        expected = scaler.inverse(pca.inverse_transform(own)).reshape(observation[name].shape)
+        assert_allclose(back[name], expected, atol=1e-9)
+    assert_allclose(np.abs(z), np.abs(np.hstack(naive)), atol=1e-9)
+    assert_allclose(error, np.sqrt(np.mean(squares, axis=0)), atol=1e-9)
+    assert (back["camera"] == back["camera"][0]).all()
+    assert_allclose(z.var(axis=0).sum(), 1 + 9)
+
+
+def test_all_together_with_weights():
+    observation = joined(robot(np.random.default_rng(0).random((60, 3)))[1])
+    alike = Descriptor(PCA(2)).refitted(observation).describe_observation(observation)
+    same_weights = Descriptor(auroraqd.Streams(PCA(2))).refitted(observation)
+    assert_allclose(same_weights.describe_observation(observation), alike)
+    heavy = Descriptor(auroraqd.Streams(PCA(2), weights={"path": 100})).refitted(observation)
+    x = Scaling.of(observation["path"]).scaler(10)(observation["path"])
+    path = PCA(2).fit_transform(x) * np.sqrt(41 / 10)
+    assert_allclose(np.abs(heavy.describe_observation(observation)), np.abs(path), atol=0.05)
+
+
+@pytest.mark.parametrize(
+    "streams",
+    [
+        each_stream,
+        lambda: auroraqd.Streams(PCA(2), weights={"camera": 0.2}),
+        lambda: auroraqd.Streams(joints=KernelPCA(1), path=PCA(1), camera=None),
+        lambda: auroraqd.Streams(joints=None, path=None, camera=auroraqd.AutoEncoder(2, max_epochs=3)),
+    ],
+)
+def test_streams_are_learned_saved_and_go_on(tmp_path, streams):
+    aurora = made(streams(), schedule=auroraqd.Every(3)).run(robot, generations=4)
+    again = auroraqd.resume(auroraqd.save(aurora, tmp_path))
+    assert repr(again.descriptor.transformer) == repr(aurora.descriptor.transformer)
+    for run in (aurora, again):
+        run.run(robot, generations=4)
+    same(aurora, again)
+    repertoire = auroraqd.load(tmp_path)
+    assert_array_equal(repertoire.describe(repertoire.observation), repertoire.descriptor)
+    assert_array_equal(
+        pickle.loads(pickle.dumps(aurora.descriptor.transformer)).transform(aurora.archive.observation[:3]),
+        aurora.descriptor.transformer.transform(aurora.archive.observation[:3]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: auroraqd.Streams(), "Streams must be of one transformer for all, or of one for each"),
+        (lambda: auroraqd.Streams(camera=None), "Streams must be of one transformer for all, or of one for each"),
+        (lambda: auroraqd.Streams(PCA(2), joints=PCA(2)), "Streams must be of one transformer for all, or of one for each"),
+        (lambda: auroraqd.Streams(joints="pca"), "Streams must be of objects with fit and transform, got 'pca' for joints"),
+        (lambda: auroraqd.Streams(joints=PCA), "Streams must be of objects with fit and transform, got .*PCA.* for joints"),
+        (lambda: auroraqd.Streams(joints=PCA(2), weights={"joints": 0}), "the weight of joints must be .*, above 0, got 0"),
+        (lambda: auroraqd.Streams(joints=PCA(2), weights={"joints": "1"}), "the weight of joints must be a finite number"),
+        (lambda: auroraqd.Streams(PCA(2), weights=3), "weights must be a dictionary"),
+    ],
+)
+def test_wrong_streams(make, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("streams", "message"),
+    [
+        (lambda: auroraqd.Streams(joints=PCA(2)), r"must say how to describe camera, path \(None leaves it out\)"),
+        (
+            lambda: auroraqd.Streams(joints=PCA(1), camera=None, path=None, smell=PCA(2)),
+            "streams that are observed, .*, got smell",
+        ),
+        (lambda: auroraqd.Streams(PCA(2), weights={"smell": 2}), "streams that are observed, camera, joints, path, got smell"),
+    ],
+)
+def test_streams_that_are_not_those_observed(streams, message):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is tried again
+        with pytest.raises(auroraqd.DescriptorError, match=message):
+            made(streams()).run(robot, generations=15)
+        with pytest.raises(auroraqd.DescriptorError, match=r"streams, .* got observations of one array"):
+            made(each_stream()).run(lambda genotypes: genotypes[:, :, None], generations=15)

@@ -10,6 +10,7 @@ from .control.resolution import CSC, VAT, Fixed, Size
 from .control.schedule import Doubling, Every, Never
 from .descriptors.autoencoder import AutoEncoder
 from .descriptors.descriptor import DescriptorError
+from .descriptors.streams import Streams
 from .emitters.selection import Curiosity, Mixed, Novelty, Surprise, Uniform
 from .emitters.variation import Gaussian, IsoLine, Polynomial
 from .repertoire import Repertoire
@@ -44,6 +45,7 @@ __all__ = [
     "Polynomial",
     "Repertoire",
     "Size",
+    "Streams",
     "Surprise",
     "TaskError",
     "Uniform",

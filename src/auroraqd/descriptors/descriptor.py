@@ -8,6 +8,7 @@ value, `Descriptor`, which Aurora replaces when it is refitted.
 import copy
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -135,8 +136,12 @@ class Descriptor:
             return finite & finite_rows(individuals["ground_truth"])
         return finite
 
-    def refitted(self, observation: np.ndarray, fitness: np.ndarray | None = None) -> "Descriptor":
+    def refitted(
+        self, observation: np.ndarray, fitness: np.ndarray | None = None, weights: Mapping[str, float] | None = None
+    ) -> "Descriptor":
         """A new descriptor, learned from observations, (n, ...), and, if it is supervised, from their fitness, (n,).
+
+        Streams count by their weights, if they have some.
 
         The old one stays as it was, whatever happens.
 
@@ -149,9 +154,9 @@ class Descriptor:
         if isinstance(self.source, str):
             return self.restored(Scaling.of(observation), shape, layout)
         transformer: Any = self._copied(self.source)
-        raw = layout is None and _reads_raw(transformer, shape, observation.dtype)
-        scaling = None if raw else Scaling.of(observation)
-        x = joined if scaling is None else scaling.scaler(math.prod(shape))(joined)
+        raw = _reads_raw(transformer, shape, observation.dtype)
+        scaling = None if raw else Scaling.of(observation, weights)
+        x = observation if scaling is None else scaling.scaler(math.prod(shape))(joined)
         x = x.reshape(joined.shape) if _natural(transformer) else x
         try:
             _solvers.fit(transformer, x, supervised.target(transformer, fitness))

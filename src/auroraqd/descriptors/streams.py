@@ -1,0 +1,233 @@
+"""Streams described each by its own: a descriptor whose dimensions are those of several.
+
+Joints, contacts and a camera are learned by what suits each of them, and their descriptors put beside each other. Each is so
+scaled that the individuals it is fitted on lie as far from their mean as those of the others, whatever the transformers give:
+then no stream drowns another in the distances that the archive looks at. Weights say what is to count more.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auroraqd._checks import mapping, number, shown
+from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Transformer
+from auroraqd.descriptors.scaling import Scaling
+from auroraqd.individuals import Columns
+from auroraqd.observations import features_of, flat, has_streams, joined, layout_of, streams_of, unflattened
+
+
+class _Part(NamedTuple):
+    """What describes some of the streams, once it is fitted.
+
+    Attributes:
+        descriptor: of one stream, or of all.
+        factor: its values are multiplied by.
+        d: how many they are.
+    """
+
+    descriptor: Descriptor
+    factor: float
+    d: int
+
+
+class Streams:
+    """A learned descriptor of observations of several streams.
+
+        auroraqd.Streams(joints=PCA(3), camera=auroraqd.AutoEncoder(2))
+        auroraqd.Streams(PCA(3), weights={"camera": 0.5})
+
+    Args:
+        together: a transformer that gets all streams, scaled, flattened and joined, as one that is given to `Aurora` by itself.
+        weights: of streams by their names, above 0 and 1 where there is none: how much distances along each count.
+        each: instead, a transformer for each stream, by its name; None leaves it out. See the module docstring.
+
+    Raises:
+        TypeError, ValueError: a transformer that is none, a weight out of range, or both kinds of transformers.
+    """
+
+    __module__ = "auroraqd"
+
+    def __init__(
+        self, together: Transformer | None = None, /, *, weights: Mapping[str, float] | None = None, **each: Transformer | None
+    ) -> None:
+        if (together is None) == (not any(transformer is not None for transformer in each.values())):
+            raise ValueError("Streams must be of one transformer for all, or of one for each: Streams(joints=PCA(3), ...)")
+        self.together, self.each = together, each
+        self.weights = {} if weights is None else dict(mapping("weights", weights))
+        self._parts: dict[str, _Part] = {}
+        self._like = np.empty(0)  # no rows, of the streams it was fitted on
+        self.check_parameters()
+
+    def __repr__(self) -> str:
+        parts = [repr(self.together)] if self.together is not None else []
+        parts += [f"weights={self.weights}"] if self.weights else []
+        return f"Streams({', '.join([*parts, *(f'{name}={transformer!r}' for name, transformer in self.each.items())])})"
+
+    def check_parameters(self) -> None:
+        """Raise TypeError or ValueError where a parameter is wrong."""
+        for name, transformer in self._transformers.items():
+            if isinstance(transformer, type | Streams) or not isinstance(transformer, Transformer):
+                raise TypeError(
+                    f"Streams must be of objects with fit and transform, got {shown(transformer)} for {name or 'all'}"
+                )
+            if hasattr(transformer, "check_parameters"):
+                transformer.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]
+        for name, weight in self.weights.items():
+            number(f"the weight of {name}", weight, wanted="above 0")
+            if weight == 0:
+                raise ValueError(f"the weight of {name} must be a finite number, above 0, got 0: {name}=None leaves it out")
+
+    @property
+    def _transformers(self) -> dict[str, Transformer]:
+        """By stream; one for all is called ""."""
+        if self.together is not None:
+            return {"": self.together}
+        return {name: transformer for name, transformer in self.each.items() if transformer is not None}
+
+    @property
+    def n_components(self) -> int:
+        """The most that one of its transformers has: more rows than that are needed to fit it."""
+        found = [getattr(transformer, "n_components", 1) for transformer in self._transformers.values()]
+        return max((int(n) for n in found if isinstance(n, int | np.integer)), default=1)
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Parameters of the transformers, as scikit-learn has them: `joints__random_state`."""
+        transformers = {name or "together": t for name, t in self._transformers.items() if hasattr(t, "get_params")}
+        return {f"{name}__{key}": v for name, t in transformers.items() for key, v in t.get_params().items()}  # pyright: ignore
+
+    def set_params(self, **parameters: Any) -> Streams:
+        """Set some of `get_params`."""
+        for name, value in parameters.items():
+            which, _, parameter = name.partition("__")
+            found: Any = self._transformers["" if which == "together" else which]
+            found.set_params(**{parameter: value})
+        return self
+
+    def reads_raw(self, shape: tuple[int, ...], dtype: np.dtype) -> bool:
+        """Whether observations of this shape, without the rows, and dtype are given to `fit` as they are: streams are."""
+        return dtype.names is not None
+
+    def fit(self, x: np.ndarray, y: object = None) -> Streams:
+        """Learn from observations of streams, (n,). `y` is passed over.
+
+        Raises:
+            ValueError: they are not of the streams that there is something for.
+            DescriptorError: a transformer cannot be fitted.
+        """
+        if not isinstance(x, np.ndarray) or not has_streams(x):
+            raise ValueError("Streams must be fitted on streams, a mapping of names to arrays, got observations of one array")
+        self._check_names(list(streams_of(x)))
+        parts = {}
+        for name, transformer in self._transformers.items():
+            try:
+                descriptor = Descriptor(transformer).refitted(x[name] if name else x, weights=None if name else self.weights)
+            except DescriptorError as error:
+                raise DescriptorError(f"{name}: {error}" if name else str(error)) from error
+            z = descriptor.describe_observation(x[name] if name else x)
+            spread = float(np.sqrt(z.var(axis=0).sum())) if name else 1.0
+            weight = self.weights.get(name, 1.0)
+            parts[name] = _Part(descriptor, weight / spread if spread > 0 else weight, z.shape[1])
+        self._parts, self._like = parts, x[:0].copy()
+        self.scaling_ = Scaling.of(x, self.weights)
+        return self
+
+    def _check_names(self, names: list[str]) -> None:
+        missing = [] if self.together is not None else [name for name in names if name not in self.each]
+        if missing:
+            raise ValueError(
+                f"Streams must say how to describe {', '.join(missing)} (None leaves it out), of {', '.join(names)}"
+            )
+        unknown = [name for name in [*self.each, *self.weights] if name not in names]
+        if unknown:
+            raise ValueError(f"Streams must be of streams that are observed, {', '.join(names)}, got {', '.join(unknown)}")
+
+    @property
+    def raw_(self) -> bool:
+        """Whether it reads observations as they are."""
+        return True
+
+    def transform(self, x: np.ndarray) -> np.ndarray:
+        """Descriptors, (n, d), of streams, (n,), or of all their entries, (n, features)."""
+        streams = self._streams(x)
+        return np.hstack(
+            [
+                part.factor * part.descriptor.describe_observation(streams[name] if name else streams)
+                for name, part in self._parts.items()
+            ]
+        )
+
+    def describe(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Descriptors, (n, d), and the root mean squares, (n,), of the errors of reconstructions that the parts have."""
+        streams = self._streams(x)
+        values, squares = [], []
+        for name, part in self._parts.items():
+            z, error = part.descriptor.describe(Columns({"observation": streams[name] if name else streams}))
+            values.append(part.factor * z)
+            assert error is not None  # or there would be no inverse
+            squares.append(error**2)
+        return np.hstack(values), np.sqrt(np.mean(squares, axis=0))
+
+    def inverse_transform(self, z: np.ndarray) -> np.ndarray:
+        """Entries of streams, (n, features), expected at descriptors, (n, d); of one that is left out, its middle.
+
+        Raises:
+            NotImplementedError: one of the transformers has no inverse.
+        """
+        if any(part.descriptor.decode is None for part in self._parts.values()):
+            raise NotImplementedError("a stream cannot be reconstructed")
+        n, layout = len(z), layout_of(self._like)
+        assert layout is not None
+        middle = self.scaling_.low / 2 + self.scaling_.high / 2
+        found = {name: stream.copy() for name, stream in streams_of(unflattened(np.tile(middle, (n, 1)), layout)).items()}
+        start = 0
+        for name, part in self._parts.items():
+            rows = part.descriptor.reconstruct(z[:, start : start + part.d] / part.factor)
+            found.update({name: rows} if name else streams_of(rows))
+            start += part.d
+        return flat(joined(found))
+
+    def _streams(self, x: np.ndarray) -> np.ndarray:
+        """As they were observed."""
+        if has_streams(x):
+            return x
+        layout = layout_of(self._like)
+        assert layout is not None  # it is fitted
+        kinds = {name: stream.dtype for name, stream in streams_of(self._like).items()}
+        rows = unflattened(x.reshape(len(x), features_of(self._like)), layout)
+        return joined({name: stream.astype(kinds[name]) for name, stream in streams_of(rows).items()})
+
+    def __getstate__(self) -> dict[str, Any]:
+        parts = [
+            {
+                "name": name,
+                "transformer": part.descriptor.source,
+                "low": part.descriptor.scaling.low,  # pyright: ignore[reportOptionalMemberAccess]
+                "high": part.descriptor.scaling.high,  # pyright: ignore[reportOptionalMemberAccess]
+                "shape": list(part.descriptor.shape),
+                "factor": part.factor,
+                "d": part.d,
+            }
+            for name, part in self._parts.items()
+        ]
+        given = {"together": self.together, "each": self.each, "weights": self.weights}
+        if not parts:
+            return given
+        like = [[name, stream.dtype.str, list(stream.shape[1:])] for name, stream in streams_of(self._like).items()]
+        return {**given, "parts": parts, "like": like, "low": self.scaling_.low, "high": self.scaling_.high}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.together, self.each, self.weights = state["together"], dict(state["each"]), dict(state["weights"])
+        self._parts, self._like = {}, np.empty(0)
+        if "parts" not in state:
+            return
+        self._like = joined({name: np.empty((0, *shape), kind) for name, kind, shape in state["like"]})
+        for part in state["parts"]:
+            layout = None if part["name"] else layout_of(self._like)
+            scaling = Scaling(part["low"], part["high"])
+            descriptor = Descriptor(copy.copy(part["transformer"])).restored(scaling, tuple(part["shape"]), layout)
+            self._parts[part["name"]] = _Part(descriptor, part["factor"], part["d"])
+        self.scaling_ = Scaling(state["low"], state["high"])
