@@ -189,6 +189,7 @@ def calls(folder):
         "Aurora.reconstruct": Call(of(aurora, "reconstruct"), {"descriptor": aurora.archive.descriptor}),
         "Aurora.history.column": Call(of(aurora.history, "column"), {"name": "size"}),
         "AutoEncoder": Call(lambda: lambda **given: auroraqd.AutoEncoder(**given).check_parameters(), {}, options),
+        "Streams": Call(lambda: lambda **given: auroraqd.Streams(PCA(1), **given), {}, ("weights",)),
         "Repertoire": Call(
             lambda: lambda columns: auroraqd.Repertoire(columns, object()),
             {"columns": {name: getattr(repertoire, name) for name in stored}},
