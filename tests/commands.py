@@ -6,6 +6,7 @@ start itself, or is to get signals, is started by `subprocess`; so is everything
 """
 
 import atexit
+import gc
 import json
 import multiprocessing.process
 import os
@@ -100,4 +101,6 @@ if __name__ == "__main__":
         "runs.checkpoints",
     ):
         import_module(f"auroraqd.{name}")
+    gc.collect()
+    gc.freeze()  # or each command, when it ends, looks at all that was imported, and copies it: a second
     _serve()
