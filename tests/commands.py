@@ -6,6 +6,7 @@ start itself, or is to get signals, is started by `subprocess`; so is everything
 """
 
 import atexit
+import gc
 import json
 import multiprocessing.process
 import os
@@ -89,15 +90,21 @@ def _become(line: list[str], folder: str, environment: dict[str, str], files: li
     sys.exit()
 
 
-if __name__ == "__main__":
-    for name in (
-        "cli",
-        "descriptors.autoencoder",
-        "descriptors.training",
-        "evaluate",
-        "experiments",
-        "report",
-        "runs.checkpoints",
-    ):
+def _warm() -> None:
+    """Import, and load the kernels of, what nearly all commands need."""
+    for name in ("cli", "descriptors.training", "evaluate", "experiments", "report"):
         import_module(f"auroraqd.{name}")
+    aurora = auroraqd.Aurora(2, PCA(n_components=2), seed=0, batch_size=20).run(auroraqd.tasks.Ballistic(), generations=2)
+    with tempfile.TemporaryDirectory() as folder:
+        auroraqd.load(auroraqd.save(aurora, folder))
+    gc.collect()
+    gc.freeze()  # or each command, when it ends, looks at all that was imported, and copies it: a second
+
+
+if __name__ == "__main__":
+    from sklearn.decomposition import PCA
+
+    import auroraqd
+
+    _warm()
     _serve()

@@ -1,10 +1,25 @@
-"""Hypothesis without deadlines: the first example of a test compiles kernels. Workers of xdist share tests without chunks."""
+"""Hypothesis without deadlines: the first example of a test compiles kernels. Workers of xdist share tests without chunks.
+
+All processes of a session share what JAX compiles: dozens of them train the same few networks.
+"""
+
+import os
+import tempfile
 
 import pytest
 from hypothesis import settings
 
 settings.register_profile("auroraqd", deadline=None, print_blob=True)
 settings.load_profile("auroraqd")
+
+
+def pytest_configure(config):
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # as it is in workers of xdist
+        folder = tempfile.TemporaryDirectory(prefix="jax-")
+        config.add_cleanup(folder.cleanup)
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = folder.name
+        os.environ["JAX_COMPILATION_CACHE_MAX_SIZE"] = str(2**30)  # with any limit JAX locks it
+        os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -1,4 +1,7 @@
-"""Tasks for workers, some of which misbehave. What they do is decided by the first gene."""
+"""Tasks for workers, some of which misbehave. What they do is decided by the first gene.
+
+They are here and not with their tests, for workers import what they are of, and many are started.
+"""
 
 import os
 import signal
@@ -55,6 +58,32 @@ def always_hangs(genotypes):
 
 def always_dies(genotypes):
     os._exit(3)
+
+
+def uneven(genotypes, seeds):
+    """It takes as long as chance has it, and fails now and then."""
+    rng = np.random.default_rng(int(seeds[0]))
+    time.sleep(min(rng.lognormal(np.log(0.002), 1), 0.05))
+    observation = np.cumsum(genotypes[:, :, None], axis=1)
+    fitness = np.where(genotypes[:, 0] > 0.97, np.nan, -genotypes[:, 1])
+    return fitness, observation
+
+
+uneven.seeded = True
+
+
+def deadly(genotypes):
+    if (genotypes[:, 0] > 0.97).any():
+        os._exit(1)
+    return -genotypes[:, 1], np.cumsum(genotypes[:, :, None], axis=1)
+
+
+def wrong(genotypes):
+    return genotypes[:, 0], genotypes[:, 0]
+
+
+def hopeless(genotypes):
+    raise OSError("no such robot")
 
 
 def wrong_shape(genotypes):
@@ -236,3 +265,14 @@ class Careless:
         if wrong:
             raise ArithmeticError("the solver did not converge")
         return np.zeros(len(genotypes)), self.buffer[: len(genotypes)]
+
+
+class Windy:
+    """Where a step leads, and a push of the wind, which is the individual's own."""
+
+    n_genes = 3
+    seeded = True
+
+    def __call__(self, genotypes, seeds):
+        wind = np.array([np.random.default_rng(seed).normal(0, 0.1, 3) for seed in seeds])
+        return -genotypes[:, 0], genotypes + wind, genotypes

@@ -343,9 +343,9 @@ def test_command_line(cluster, tmp_path):
     tables = [(tmp_path / name / "curves.csv").read_text() for name in ("all", "here")]
     assert tables[0] == tables[1]
     assert "give --jobs or --scheduler, not both" in command("run", "ballistic", "--jobs", 1, "--scheduler", address, code=1)
-    for what, wrong in (("run", "tcp://127.0.0.1:9"), ("reproduce", "nonsense://x")):
-        said = command(what, "ballistic", "--out", tmp_path / "no", "--scheduler", wrong, code=1)
-        assert f"there is no Dask scheduler at '{wrong}'" in said
+    for what in ("run", "reproduce"):
+        said = command(what, "ballistic", "--out", tmp_path / "no", "--scheduler", "nonsense://x", code=1)
+        assert "there is no Dask scheduler at 'nonsense://x'" in said
         assert not (tmp_path / "no").exists()
 
 

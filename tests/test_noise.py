@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from robots import Windy
 from sklearn.decomposition import PCA
 
 import auroraqd
@@ -10,17 +11,6 @@ from auroraqd import evaluate, tasks
 from auroraqd.tasks.noise import other_seeds, seeds_of
 
 GENOTYPES = np.random.default_rng(0).random((40, 3))
-
-
-class Windy:
-    """Where a step leads, and a push of the wind, which is the individual's own."""
-
-    n_genes = 3
-    seeded = True
-
-    def __call__(self, genotypes, seeds):
-        wind = np.array([np.random.default_rng(seed).normal(0, 0.1, 3) for seed in seeds])
-        return -genotypes[:, 0], genotypes + wind, genotypes
 
 
 def one(genotype, seed):
