@@ -229,14 +229,18 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        preexec_fn=lambda: signal.signal(stop, signal.SIG_DFL),  # a shell has what it runs in the background ignore Ctrl-C
     )
-    assert process.stdout is not None
-    assert "ballistic" in process.stdout.readline()
-    deadline = time.monotonic() + 120
-    while not (out / folders.REPERTOIRE).exists() and time.monotonic() < deadline:  # it is written after the first generation
-        time.sleep(0.1)
-    process.send_signal(stop)
-    _, errors = process.communicate(timeout=60)
+    try:
+        assert process.stdout is not None
+        assert "ballistic" in process.stdout.readline()
+        deadline = time.monotonic() + 120
+        while not (out / folders.REPERTOIRE).exists() and time.monotonic() < deadline:  # written after the first generation
+            time.sleep(0.1)
+        process.send_signal(stop)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert "Interrupted after" in errors
