@@ -26,7 +26,7 @@ for place in /tmp /var/tmp; do mount -o remount,bind,ro $place; done
 cd "$1"; shift; exec "$@"
 """
 RUN = ["-m", "auroraqd.cli", "run", "ballistic", "-n", "1", "--descriptor", "genotype"]
-RUN += ["--archive", "grid:cells=9"]  # which has few kernels to compile
+RUN += ["--archive", "dominated:capacity=200"]  # which has few kernels to compile
 
 
 def works(*line):
