@@ -1,6 +1,5 @@
 """The air-hockey task in an engine, Box2D 3, with a kinematic arm that follows the same law; and how far ours is from it."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -65,18 +64,18 @@ def engine(start, change, threshold, step=0.01):
     arm.append(add(world.create_kinematic_body(position=(0, 0)), pyb2d3.circle(radius=air_hockey.TIP)))
     puck = add(world.create_dynamic_body(position=tuple(START)), pyb2d3.circle(radius=0.05), 0.8)
 
-    def pose(time):
-        angle = np.cumsum(start + change * (1 - math.exp(-0.3 * time)))
-        place = np.cumsum(air_hockey.LINK * np.stack([np.cos(angle), np.sin(angle)], axis=1), axis=0)
-        return np.append(angle, 0.0), np.concatenate([[[0.0, 0.0]], place])
+    times = step * np.arange(round(5 / step) + 1)
+    angles = np.cumsum(start + change * (1 - np.exp(-0.3 * times))[:, None], axis=1)
+    ends = np.cumsum(air_hockey.LINK * np.stack([np.cos(angles), np.sin(angles)], axis=2), axis=1)
+    angles, places = np.pad(angles, [(0, 0), (0, 1)]), np.pad(ends, [(0, 0), (1, 0), (0, 0)])
+    movement = [values.tolist() for values in (angles, places, np.diff(angles, axis=0) / step, np.diff(places, axis=0) / step)]
 
     path = []
-    for k in range(round(5 / step)):
-        (angle, place), (next_angle, next_place) = pose(k * step), pose((k + 1) * step)
+    for angle, place, spin, velocity in zip(*movement, strict=False):  # the last pose is where the last step ends
         for i, body in enumerate(arm):
-            body.set_transform(tuple(map(float, place[i])), pyb2d3.make_rot(float(angle[i])))
-            body.linear_velocity = tuple(map(float, (next_place[i] - place[i]) / step))
-            body.angular_velocity = float((next_angle[i] - angle[i]) / step)
+            body.set_transform(tuple(place[i]), pyb2d3.make_rot(angle[i]))
+            body.linear_velocity = tuple(velocity[i])
+            body.angular_velocity = spin[i]
         world.step(step, 4)
         path.append((puck.position[0], puck.position[1]))
     return np.array(path)[9::10]

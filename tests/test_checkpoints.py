@@ -435,7 +435,7 @@ def test_command_goes_on_and_further(tmp_path):
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
 def test_command_that_was_ended_goes_on(tmp_path, end):
-    arguments = ["run", "ballistic", *PLAIN, "-n", 1500, "--batch-size", 100, "--no-figures", "--out", tmp_path / "ended"]
+    arguments = ["run", "ballistic", *PLAIN, "-n", 800, "--batch-size", 100, "--no-figures", "--out", tmp_path / "ended"]
     process = subprocess.Popen([*commands.CLI, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 120
     while not (tmp_path / "ended" / "repertoire.safetensors").exists() and time.monotonic() < deadline:
@@ -443,7 +443,7 @@ def test_command_that_was_ended_goes_on(tmp_path, end):
     process.send_signal(end)
     process.communicate(timeout=60)
     assert process.returncode == (-signal.SIGKILL if end == signal.SIGKILL else 130)
-    assert auroraqd.resume(tmp_path / "ended").generation < 1500
+    assert auroraqd.resume(tmp_path / "ended").generation < 800
     command("resume", tmp_path / "ended", "--no-figures")
     command(*arguments[:-1], tmp_path / "alone")
     assert without_times(tmp_path / "ended") == without_times(tmp_path / "alone")

@@ -65,7 +65,7 @@ SOME = ["hand-coded", "pca-incremental"]
 @pytest.fixture(scope="module")
 def air_hockey(tmp_path_factory):
     folder = tmp_path_factory.mktemp("air-hockey")
-    run_all(Ledger(folder), SOME, base=AIR_HOCKEY.base(generations=4, batch_size=40), experiment=AIR_HOCKEY)
+    run_all(Ledger(folder), SOME, base=AIR_HOCKEY.base(generations=4, batch_size=40), workers=1, experiment=AIR_HOCKEY)
     return folder
 
 
@@ -348,7 +348,7 @@ def test_a_failing_run_is_given_up_and_the_others_go_on(tmp_path):
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "genotype-0").write_text("in the way")
     listener = Quiet()
-    execute(jobs, known, ledger, 2, listener)
+    execute(jobs, known, ledger, 1, listener)
     assert [given_up[:2] for given_up in listener.given_up] == [("genotype", 0)]
     assert "must be a folder, and is a file" in listener.given_up[0][2]
     assert len(listener.results) == len(Ledger(tmp_path).results) == 5
@@ -360,7 +360,7 @@ def test_without_its_reference_a_run_is_given_up_too(tmp_path):
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "hand-coded-0").write_text("in the way")
     listener = Quiet()
-    execute(jobs, known, ledger, 2, listener)
+    execute(jobs, known, ledger, 1, listener)
     assert sorted(name for name, _, _ in listener.given_up) == ["genotype", "hand-coded", "pca-incremental"]
     assert ledger.results == []
 
@@ -503,7 +503,7 @@ REPRODUCE = ["reproduce", "ballistic"]
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 def test_command_is_interrupted_and_goes_on(tmp_path):
     """Killed, then interrupted, then left alone: no process survives its parent, and no result is lost."""
-    arguments = [*REPRODUCE, "--variants", "pca-incremental,genotype", "--replications", "3", "--generations", "300"]
+    arguments = [*REPRODUCE, "--variants", "pca-incremental,genotype", "--replications", "2", "--generations", "300"]
     arguments += ["--out", str(tmp_path / "out"), "--jobs", "1"]
 
     def done():
@@ -528,14 +528,14 @@ def test_command_is_interrupted_and_goes_on(tmp_path):
             time.sleep(0.05)
         assert not any(map(_alive, children))
     kept = done()
-    assert 2 <= kept < 9
+    assert 2 <= kept < 6
     finished = commands.cli(*arguments)
     assert finished.returncode == 0, finished.stdout + finished.stderr
-    assert f"{9 - kept} runs to do, {kept} done before" in finished.stdout
-    assert done() == 9
+    assert f"{6 - kept} runs to do, {kept} done before" in finished.stdout
+    assert done() == 6
     again = commands.cli(*arguments)
     assert again.returncode == 0, again.stderr
-    assert "0 runs to do, 9 done before" in again.stdout
+    assert "0 runs to do, 6 done before" in again.stdout
     assert "Rank-sum tests" in again.stdout
 
 

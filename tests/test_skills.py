@@ -108,8 +108,11 @@ def test_an_animation_shows_every_sample(folder, repertoire):
     assert all((one != other).any() for (one, _), (other, _) in pairwise(found))
 
 
-def test_several_skills_in_one_animation(folder):
-    path = command(["animate", str(folder)])
+def test_several_skills_in_one_animation(tmp_path):
+    few = ["--descriptor", "genotype", "-n", "1", "--batch-size", "3", "--no-figures"]  # of as many as it shows it takes long
+    command(["run", "air-hockey", *few, "--out", str(tmp_path)])
+    assert len(auroraqd.load(tmp_path)) == 3
+    path = command(["animate", str(tmp_path)])
     assert path.endswith("skills.gif")
     assert len(frames(path)) > 40
 

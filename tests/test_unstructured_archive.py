@@ -59,9 +59,9 @@ KINDS = ["uniform", "ties", "duplicates", "sorted", "outliers", "line", "moving"
 @pytest.mark.parametrize("competition", ["dominance", "elitist"])
 def test_agrees_with_its_twin(kind, d, competition):
     rng = np.random.default_rng([KINDS.index(kind), d])
-    x = points(kind, 700, d, rng)
+    x = points(kind, 500, d, rng)
     fitness = rng.choice([-2.0, -1.0, 0.0, 0.5, 3.0], len(x))
-    l = 0.4 * np.ptp(x[:, 0]) / 700 ** (1 / d) if kind != "ties" else 0.2
+    l = 0.4 * np.ptp(x[:, 0]) / 500 ** (1 / d) if kind != "ties" else 0.2
     k = int(rng.integers(1, 20))
     archive = UnstructuredArchive(l=l, k=k, competition=competition)
     twin = naive.UnstructuredArchive(l, k, competition=competition)
