@@ -4,6 +4,7 @@ All processes of a session share what JAX compiles: dozens of them train the sam
 """
 
 import os
+import signal
 import tempfile
 
 import pytest
@@ -14,6 +15,8 @@ settings.load_profile("auroraqd")
 
 
 def pytest_configure(config):
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell, and then in all processes
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # as it is in workers of xdist
         folder = tempfile.TemporaryDirectory(prefix="jax-")
         config.add_cleanup(folder.cleanup)

@@ -212,6 +212,31 @@ def test_a_cluster_without_workers_is_asked_again_and_again(monkeypatch):
     assert client.waited == 2
 
 
+class Deserted(Executor):
+    """A cluster that gives up its workers as soon as there is work, and has others when it is asked for them."""
+
+    def __init__(self):
+        self.left = []
+
+    @property
+    def workers(self):
+        for future, function, arguments in self.left:
+            future.set_result(function(*arguments))
+        self.left.clear()
+        return 1
+
+    def submit(self, function, /, *arguments):
+        self.left.append((Future(), function, arguments))
+        return self.left[-1][0]
+
+
+@pytest.mark.parametrize("timeout", [None, 100])
+def test_a_cluster_that_gives_up_all_workers_is_asked_for_others(monkeypatch, timeout):
+    monkeypatch.setattr(evaluate.spread, "_LOOK", 0.01)
+    with evaluate.over(Deserted, robots.good, timeout=timeout) as task:
+        check(task(GENOTYPES))
+
+
 def test_workers_that_take_long_to_start_are_waited_for(monkeypatch, caplog):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "_RESTART", 0.2)

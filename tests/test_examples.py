@@ -12,7 +12,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example(example, tmp_path):
-    done = commands.python(example, 5, cwd=tmp_path)
+    done = commands.python(example, 2, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "individuals" in done.stdout
 

@@ -27,6 +27,7 @@ _HANGING = 6  # nor are these, if they hang and none ever came back: to wait for
 _PAUSE = 0.05, 5.0  # s, least and most, that a worker waits when it leaves a piece to others: about what an individual takes
 _DECLINED = 20  # times that a piece may be left to others before it is clear that there are none
 _STILLBORN = 3  # likewise executors that break before they have evaluated anything
+_LOOK = 30.0  # s without an answer, after which is seen whether there still are workers
 _log = logging.getLogger("auroraqd")
 
 
@@ -246,10 +247,13 @@ class _Batch:
         if not self._send():
             return
         least = min(deadline for _, deadline in self._running.values())
-        patience = None if least == math.inf else max(least - time.monotonic(), 0)
-        for future in wait(self._running, timeout=patience, return_when=FIRST_COMPLETED).done:
+        patience = min(max(least - time.monotonic(), 0), _LOOK)
+        done = wait(self._running, timeout=patience, return_when=FIRST_COMPLETED).done
+        for future in done:
             if future in self._running and not (self._took(future) and self._send()):
                 return
+        if not done and patience == _LOOK:
+            _ = self._spread._workers  # a cluster that has given up all of them is asked for others
         now = time.monotonic()
         late = [future for future, (_, deadline) in self._running.items() if deadline <= now and not future.done()]
         if late:
