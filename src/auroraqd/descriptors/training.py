@@ -411,7 +411,9 @@ def _steps_in_parts(
         while len(errors) < max_epochs and not diverged and not _has_risen(errors, protocol.patience):
             done, gain = (repeat + len(errors) / max_epochs) / protocol.repeats, 1 / (protocol.repeats * max_epochs * steps)
             for first, part in _parts(data, rng.permutation(training), size):
-                weights, slots = compiled.train(weights, slots, part, np.float32(done + gain * (first // size)), np.float32(gain))
+                weights, slots = compiled.train(
+                    weights, slots, part, np.float32(done + gain * (first // size)), np.float32(gain)
+                )
             sums = [compiled.check(weights, part) for _, part in _parts(data, check, size)]
             error, squares = (float(sum(values)) / len(check) for values in zip(*sums, strict=True))
             errors.append(error)
