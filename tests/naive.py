@@ -473,3 +473,24 @@ def crowding(points):
             elif span:
                 apart[i] += (points[order[place + 1]][c] - points[order[place - 1]][c]) / span
     return apart
+
+
+def strided(image, weight, stride):
+    """A strided convolution of an image, (h, w, channels), with a kernel of 2 x 2 blocks of the stride: lists in and out."""
+    height, width, channels = len(image), len(image[0]), len(image[0][0])
+    rows, columns, maps, before = -(-height // stride), -(-width // stride), len(weight[0]), stride // 2
+    found = [[[0.0] * maps for _ in range(columns)] for _ in range(rows)]
+    for i in range(rows):
+        for j in range(columns):
+            entry = 0
+            for block in range(4):
+                for a in range(stride):
+                    for b in range(stride):
+                        y = (i + block // 2) * stride + a - before
+                        x = (j + block % 2) * stride + b - before
+                        for c in range(channels):
+                            if 0 <= y < height and 0 <= x < width:
+                                for m in range(maps):
+                                    found[i][j][m] += image[y][x][c] * weight[entry][m]
+                            entry += 1
+    return found

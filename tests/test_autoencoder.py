@@ -13,7 +13,8 @@ from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
 
 import auroraqd
-from auroraqd.descriptors import autoencoder, networks, training
+from auroraqd.descriptors import autoencoder, layers, training
+from auroraqd.descriptors.networks import MLP, Convolutional
 from auroraqd.metrics import reconstruction_error
 
 SHORT = {"hidden": (16,), "max_epochs": 6, "repeats": 2, "min_steps": 0}
@@ -30,7 +31,7 @@ def scaled(x):
 
 
 def network(shape=(9, 3)):
-    return networks.convolutional(shape, 2, np.random.default_rng(0))
+    return Convolutional().build(shape, 2, np.random.default_rng(0))
 
 
 def test_the_network_of_the_paper_has_as_many_parameters():
@@ -41,21 +42,21 @@ def test_the_network_of_the_paper_has_as_many_parameters():
 @pytest.mark.parametrize("shape", [(50, 2), (9, 3), (2, 1), (1, 1), (1, 4)])
 def test_convolution_and_pooling_agree_with_their_twins(shape):
     rng = np.random.default_rng(0)
-    layer = networks.Convolution.random(shape, 1, 2, "linear", rng)
+    layer = layers.Convolution.random(shape, 1, 2, "linear", rng)
     layer = eqx.tree_at(lambda c: (c.kernel, c.bias), layer, (layer.kernel.astype(float), np.array([0.3, -0.7])))
     images = rng.normal(size=(4, *shape))
     flat = layer(images.reshape(4, -1))
-    pooled = networks.MaxPooling(shape, 2)(flat)
+    pooled = layers.MaxPooling(shape, 2)(flat)
     for n in range(4):
         for m in range(2):
-            wanted = naive.convolution(images[n].tolist(), layer.kernel[0, m].reshape(networks.KERNEL).tolist(), layer.bias[m])
+            wanted = naive.convolution(images[n].tolist(), layer.kernel[0, m].reshape(layers.KERNEL).tolist(), layer.bias[m])
             assert_allclose(flat[n].reshape(2, *shape)[m], wanted)
             assert_array_equal(pooled[n].reshape(2, *shape)[m], naive.max_pooling(flat[n].reshape(2, *shape)[m].tolist()))
 
 
 def test_two_maps_to_one_add_up():
     rng = np.random.default_rng(0)
-    both = networks.Convolution.random((6, 2), 2, 1, "linear", rng)
+    both = layers.Convolution.random((6, 2), 2, 1, "linear", rng)
     x = rng.normal(size=(3, 24)).astype(np.float32)
     parts = [
         eqx.tree_at(lambda c: c.kernel, both, both.kernel[i : i + 1])(x[:, 12 * i : 12 * (i + 1)]) - both.bias for i in range(2)
@@ -65,7 +66,7 @@ def test_two_maps_to_one_add_up():
 
 def test_numpy_and_jax_agree():
     rng = np.random.default_rng(0)
-    for made, features in ((network((50, 2)), 100), (networks.mlp(30, 3, (8, 5), rng), 30)):
+    for made, features in ((network((50, 2)), 100), (MLP((8, 5)).build((30,), 3, rng), 30)):
         x = rng.normal(size=(20, features)).astype(np.float32)
         on_jax = jax.tree.map(jnp.asarray, made)
         assert isinstance(made.encode(x), np.ndarray)

@@ -64,22 +64,22 @@ def listening(listener: Callable[[Progress], Any]) -> Iterator[None]:
 class AutoEncoder(TransformerMixin, BaseEstimator):
     """An auto-encoder with the interface of a scikit-learn transformer, for observations in their natural shape.
 
-    Each channel (last axis) is scaled to [-1, 1] by its range over the rows it is fitted on; of images whole numbers of eight bits
-    by 255. Training is repeated with new splits into training and validation rows, each repeat continuing the weights of the
-    one before. A repeat ends when its epochs are used up or when the validation error, averaged over `patience` epochs, rises,
-    and gives the weights with the lowest validation error. A training that diverges (NaN) or learns nothing is tried again
-    twice, each time with a fifth of the learning rate; should all fail, a warning says so, and the best weights there are, those
-    from before among them, stay.
+    Each channel (last axis) is scaled to [-1, 1] by its range over the rows it is fitted on; of images, whole numbers of eight
+    bits by 255. Training is repeated with new splits into training and validation rows, each repeat continuing the weights of
+    the one before. A repeat ends when its epochs are used up or when the validation error, averaged over `patience` epochs,
+    rises, and gives the weights with the lowest validation error. A training that diverges (NaN) or learns nothing is tried again
+    twice, each time with a fifth of the learning rate; should all fail, a warning says so, and the best weights there are,
+    those from before among them, stay.
 
     The defaults are what reaches the lowest error on throws never seen in the least time; `AutoEncoder.paper()` is the
     protocol of the paper.
 
     Args:
         n_components: size of the latent space.
-        network: "auto" chooses by shape and dtype, see `auroraqd.descriptors.networks.chosen`, and `network_` says what; "image",
-            strided convolutions for images; "mlp", dense layers for observations of any shape; "convolutional", the network of
-            the paper for short time series, (n, steps, channels). Or a value of `auroraqd.descriptors.networks`, or of a class of
-            your own that derives from `Network` there.
+        network: "auto" chooses by shape and dtype, see `auroraqd.descriptors.networks.chosen`, and `network_` says what;
+            "image", strided convolutions for images; "mlp", dense layers for observations of any shape; "convolutional", the
+            network of the paper for short time series, (n, steps, channels). Or a value of `auroraqd.descriptors.networks`, or
+            of a class of your own that derives from `Network` there.
         hidden: widths of the dense layers of "mlp", from input to latent space; mirrored in the decoder.
         isometry: weight of the term that keeps distances, against the squared error summed over the entries of an
             observation. 0: a plain auto-encoder.
@@ -207,7 +207,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
                 not take. The estimator stays as it was.
         """
         with uninterrupted():  # half an import would be the end of JAX in this process
-            from auroraqd.descriptors import training
+            from auroraqd.descriptors import training  # noqa: F401
 
         self.check_parameters()
         x = numeric("x", x, _OBSERVATIONS, rows=True, some=True, finite=True)
@@ -223,28 +223,15 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         rng = np.random.default_rng(None if self.random_state is None else [self.random_state, fits])
         start = _filled(kind, shape, self.n_components, self.weights_ if goes_on else None, rng)
         scaling = kind.scaling(x)
-        data = self._data(x, kind, scaling, rng)
-        protocol = self._protocol()._replace(learning_rate=kind.rate * self.learning_rate)
-        best = _Tried(start, training.Trained(start, [], math.nan, False, False), *_quality(kind, start, scaling, x, data))
-        best = best if goes_on else None
-        for attempt in range(_RETRIES + 1):
-            network = start if attempt == 0 or goes_on else _filled(kind, shape, self.n_components, None, rng)
-            trained = training.train(network, data, kind, protocol, rng, self._listener())
-            tried = _Tried(trained.network, trained, *_quality(kind, trained.network, scaling, x, data))
-            best = tried if best is None or not tried.failed or tried.explained >= best.explained else best
-            if not tried.failed:
-                break
-            protocol = protocol._replace(learning_rate=_SLOWER * protocol.learning_rate)
-        else:
-            self._warn(tried, len(x))
+        best, last = self._trained(x, kind, scaling, start, goes_on, rng)
         import jax
 
         self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(best.network)]
         self.network_ = kind
         self.architecture_ = {"shape": list(shape), "n_components": int(self.n_components)}
         self.low_, self.high_ = scaling
-        self.epochs_ = tried.trained.epochs
-        self.validation_rmse_ = tried.trained.rmse if tried.trained.validated else math.nan
+        self.epochs_ = last.epochs
+        self.validation_rmse_ = last.rmse if last.validated else math.nan
         self.training_rmse_ = best.rmse
         self.n_fits_ = fits + 1
         self._use: InUse | None = None
@@ -371,6 +358,38 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             return None
         return self.network_, self.observation_shape_, self.architecture_["n_components"]
 
+    def _trained(
+        self, x: np.ndarray, kind: Network, scaling: Scaling, start: Any, goes_on: bool, rng: np.random.Generator
+    ) -> tuple[_Tried, Trained]:
+        """The best network that there is, and the last training: the first, unless it failed.
+
+        Args:
+            x: observations, (n, ...).
+            kind, scaling: as it is, and how they are scaled.
+            start: its weights.
+            goes_on: whether these are of an earlier fit, to be kept if all fails.
+            rng: for all that is random.
+        """
+        from auroraqd.descriptors.training import Trained, train
+
+        data = self._data(x, kind, scaling, rng)
+        protocol = self._protocol()._replace(learning_rate=kind.rate * self.learning_rate)
+
+        def judged(trained: Trained) -> _Tried:
+            return _Tried(trained.network, trained.diverged, *_quality(kind, trained.network, scaling, x, data))
+
+        tried = [judged(Trained(start, [], math.nan, False, False))] if goes_on else []
+        while True:
+            trained = train(start, data, kind, protocol, rng, self._listener())
+            tried.append(judged(trained))
+            if not tried[-1].failed:
+                return tried[-1], trained
+            if len(tried) - goes_on > _RETRIES:
+                self._warn(tried[-1], trained, len(x))
+                return max(tried, key=lambda one: one.explained), trained
+            protocol = protocol._replace(learning_rate=_SLOWER * protocol.learning_rate)
+            start = start if goes_on else _filled(kind, x.shape[1:], self.n_components, None, rng)
+
     def _data(self, x: np.ndarray, kind: Network, scaling: Scaling, rng: np.random.Generator) -> Data:
         """What to train on."""
         from auroraqd.descriptors.training import Data
@@ -387,8 +406,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         return self.scaling_.scaler(math.prod(self.observation_shape_))
 
     def _in_use(self) -> InUse:
-        """The fitted network. In NumPy it is one of float64: then a copy described in a batch of another size differs in its last
-        bits only, which is what the archive's margin for copies is made for.
+        """The fitted network. In NumPy it is one of float64: then a copy described in a batch of another size differs in its
+        last bits only, which is what the archive's margin for copies is made for.
         """
         if not hasattr(self, "weights_"):
             raise NotFittedError("this AutoEncoder has not been fitted yet: call fit first")
@@ -400,21 +419,20 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         assert self._use is not None
         return self._use
 
-    def _warn(self, tried: _Tried, n: int) -> None:
+    def _warn(self, tried: _Tried, trained: Trained, n: int) -> None:
         """Say of a training that failed, the last of three, how."""
-        trained = tried.trained
         if trained.diverged:
             warnings.warn(
                 f"training of AutoEncoder diverged in repeat {len(trained.epochs)}, epoch {trained.epochs[-1]}: the last good "
                 "weights stay; a lower learning_rate may help",
-                stacklevel=3,
+                stacklevel=4,
             )
         else:
             warnings.warn(
                 f"the latent space of AutoEncoder has collapsed: the reconstructions of {n:,} observations, RMSE "
                 f"{tried.rmse:.3g} on the [-1, 1] scale, are hardly better than their mean. A lower learning_rate, more "
                 "epochs or another network may help",
-                stacklevel=3,
+                stacklevel=4,
             )
 
     def _listener(self) -> Callable[[Progress], Any] | None:
@@ -425,7 +443,7 @@ class _Tried(NamedTuple):
     """A training, and what came of it."""
 
     network: Any
-    trained: Trained
+    diverged: bool
     rmse: float  # of all rows
     explained: float  # share of the variance of the rows
     kept: float  # share of the distances that are wanted which is kept, of some rows
@@ -435,7 +453,7 @@ class _Tried(NamedTuple):
     def failed(self) -> bool:
         """Whether it diverged, or nothing was learned."""
         learned = self.explained >= _EXPLAINED or self.kept >= _KEPT
-        return self.trained.diverged or not learned or self.spread < _SPREAD
+        return self.diverged or not learned or self.spread < _SPREAD
 
 
 def _filled(

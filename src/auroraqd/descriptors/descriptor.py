@@ -45,9 +45,10 @@ class DescriptorError(ValueError):
 class Transformer(Protocol):
     """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions.
 
-    One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead. One that has
-    a method `reads_raw(shape, dtype)`, which is true for what is observed, gets them as they are stored, not scaled; once fitted it
-    says by `scaling_` how it scales them. One whose `fit` needs a `y` gets the fitness too: see `auroraqd.descriptors.supervised`.
+    One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead. One with a
+    method `reads_raw(shape, dtype)`, which is true for what is observed, gets them as they are stored, not scaled; once fitted
+    it says by `scaling_` how it scales them, and `raw_` is true. One whose `fit` needs a `y` gets the fitness too: see
+    `auroraqd.descriptors.supervised`.
     """
 
     def fit(self, x: np.ndarray) -> Any:

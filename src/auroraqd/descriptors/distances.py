@@ -3,10 +3,11 @@
 Two images of a small disc differ by the same number of pixels wherever the discs are, as soon as they do not overlap. Two
 things help.
 
-- **Several scales.** Blurred until they overlap, the discs differ the more the farther they are apart. Weighed so that each scale
-  counts the same, distances of an image blurred at several scales come close to how far things have moved [1].
-- **Shortest paths.** Distances between close observations are right, and far ones are sums of these, along a graph of the nearest
-  neighbours [2]. Coordinates in which straight distances are these paths are found from some of the rows, the landmarks [3].
+- **Several scales.** Blurred until they overlap, the discs differ the more the farther they are apart. Weighed so that each
+  scale counts the same, distances of an image blurred at several scales come close to how far things have moved [1].
+- **Shortest paths.** Distances between close observations are right, and far ones are sums of these, along a graph of the
+  nearest neighbours [2]. Coordinates in which straight distances are these paths are found from some of the rows, the
+  landmarks [3].
 
 [1] S. Shirdhonkar, D. W. Jacobs, Approximate earth mover's distance in linear time, CVPR 2008 (there with wavelets).
 [2] J. B. Tenenbaum, V. de Silva, J. C. Langford, A global geometric framework for nonlinear dimensionality reduction (Isomap),
@@ -49,12 +50,16 @@ def multiscale(images: np.ndarray, scaling: Scaling) -> np.ndarray:
     """
     n, h, w, channels = images.shape
     features, scaler = [], scaling.scaler(h * w * channels)
-    blurs = [(_blur(h, points), _blur(w, points)) for points in _SCALES]
     for start in range(0, n, _PART):
         part = scaler(images[start : start + _PART]).astype(np.float32).reshape(-1, h, w, channels)
-        blurred = [np.einsum("ph,nhwc,qw->npqc", a, part, b, optimize=True) for a, b in blurs]
+        blurred = [np.einsum("ph,nhwc,qw->npqc", a, part, b, optimize=True) for a, b in blurs(h, w)]
         features.append(np.concatenate([level.reshape(len(part), -1) for level in blurred], axis=1))
     return np.concatenate(features)
+
+
+def blurs(height: int, width: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """For each scale two matrices, (points, height) and (points, width), that blur images from the left and the right."""
+    return [(_blur(height, points), _blur(width, points)) for points in _SCALES]
 
 
 def _blur(size: int, points: int) -> np.ndarray:
@@ -68,10 +73,10 @@ def _blur(size: int, points: int) -> np.ndarray:
 def along_the_graph(
     rows: np.ndarray, rng: np.random.Generator, neighbours: int = _NEIGHBOURS, landmarks: int = _LANDMARKS
 ) -> np.ndarray:
-    """Coordinates, (n, at most 24) float32, whose distances are about the lengths of shortest paths between rows, (n, features).
+    """Coordinates, (n, at most 24) float32, whose distances are about the lengths of shortest paths between rows.
 
-    Paths go along the graph of each row's nearest neighbours: as many as make it one piece, from `neighbours` on; more than 32 are
-    not tried, and its pieces are joined where they come closest. Rows that are the same are one point of it.
+    Paths go along the graph of each row's nearest neighbours: as many as make it one piece, from `neighbours` on; more than 32
+    are not tried, and its pieces are joined where they come closest. Rows that are the same are one point of it.
 
     Args:
         rows: (n, features) float32, finite.
@@ -124,7 +129,7 @@ def _graph(distance: np.ndarray, neighbour: np.ndarray) -> Any:
 
 
 def _joined(graph: Any, points: np.ndarray, piece: np.ndarray) -> Any:
-    """A graph in several pieces, (n,) their numbers, with an edge from the smallest to what is closest to it, until it is one."""
+    """A graph in several pieces, (n,) their numbers, with edges from the smallest to what is closest, until it is one."""
     from scipy.sparse import csr_array
     from sklearn.metrics import pairwise_distances_argmin_min
 
@@ -133,17 +138,14 @@ def _joined(graph: Any, points: np.ndarray, piece: np.ndarray) -> Any:
         numbers, sizes = np.unique(piece, return_counts=True)
         if len(numbers) == 1:
             return graph
-        inside, outside = (np.flatnonzero(same) for same in _halves(piece == numbers[sizes.argmin()]))
+        smallest = piece == numbers[sizes.argmin()]
+        inside, outside = np.flatnonzero(smallest), np.flatnonzero(~smallest)
         closest, distance = pairwise_distances_argmin_min(points[inside], points[outside])
         i = distance.argmin()
         a, b = inside[i], outside[closest[i]]
         edge = csr_array(([distance[i]] * 2, ([a, b], [b, a])), shape=graph.shape)
         graph = graph + edge
         piece[inside] = piece[b]
-
-
-def _halves(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return mask, ~mask
 
 
 def _coordinates(length: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
@@ -161,8 +163,8 @@ def _coordinates(length: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
 
 
 def kept(wanted: np.ndarray, z: np.ndarray) -> float:
-    """The share of distances that positions, (n, d), keep, whatever their scale: 1 if they are proportional to those between wanted
-    ones, (n, m), and 0 if they say nothing. See `auroraqd.descriptors.training.distortion`, which is the rest.
+    """The share of distances that positions, (n, d), keep, whatever their scale: 1 if they are proportional to those between
+    wanted ones, (n, m), and 0 if they say nothing. See `auroraqd.descriptors.training.distortion`, which is the rest.
     """
     from scipy.spatial.distance import pdist
 

@@ -1,7 +1,7 @@
 """Fitted networks in use: observations to latent positions and back.
 
-Of short rows in NumPy and in float64: for a batch of 200 trajectories that takes a third of the time of a compiled function, and
-needs no compilation. Of images by a compiled function, in float32, in blocks of a fixed number of rows, so that it is compiled
+Of short rows in NumPy and in float64, which needs no compilation and differs between batches by rounding alone. Of images by
+a compiled function, in float32, in blocks of a fixed number of rows, so that it is compiled
 once and an observation is described the same in a batch of any size.
 """
 

@@ -1,7 +1,7 @@
 """Networks of the auto-encoder, as values: what they are made of, how they read observations, and what they minimise.
 
-`AutoEncoder(network=...)` takes one of these, or its name; "auto" chooses by the shape and the dtype of the observations. One of
-your own derives from `Network`. Nothing here imports JAX before a network is built.
+`AutoEncoder(network=...)` takes one of these, or its name; "auto" chooses by the shape and the dtype of the observations. One
+of your own derives from `Network`. Nothing here imports JAX before a network is built.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from auroraqd._checks import rows_of, whole, wholes
+from auroraqd._checks import number, rows_of, whole, wholes
 from auroraqd.descriptors.distances import flat, multiscale
 from auroraqd.descriptors.scaling import Scaling
 
@@ -26,6 +26,7 @@ MOST_WIDTH = 10**6  # of a layer
 _SMALLEST, _LARGEST, _MOST_CHANNELS = 16, 128, 16  # of images: pixels a side, and channels, a few frames among them
 _MOST_ENTRIES = 1000  # of a time series: its convolutions are products with square matrices of this size
 _GRID = 16  # cells a side, at most, after the first layer for images
+_LEAST_VARIANCE = 1e-5  # of an entry: images may all be the same
 _COARSE = 4  # cells a side, at most, before the dense layers
 
 
@@ -88,6 +89,10 @@ class MLP(Network):
     hidden: Sequence[int] = (128, 64, 32)
     streams: ClassVar[bool] = False
 
+    def __post_init__(self) -> None:
+        if isinstance(self.hidden, list):
+            object.__setattr__(self, "hidden", tuple(self.hidden))  # a value can be hashed
+
     def check(self) -> None:
         """See `Network`."""
         wholes("hidden", self.hidden, "widths of layers like (128, 64)", most=MOST_WIDTH)
@@ -102,7 +107,7 @@ class MLP(Network):
 
 @dataclass(frozen=True)
 class Convolutional(Network):
-    """The network of the AURORA paper, for short time series, (steps, channels): 11,809 parameters for (50, 2) and two numbers.
+    """The network of the AURORA paper, for short time series, (steps, channels): 11,809 parameters for (50, 2) in two.
 
     Sec. "Experimental validation"; sizes, kernels and activations from the authors' re-released ballistic example.
     """
@@ -164,23 +169,28 @@ class Image(Network):
     maps: Sequence[int] = (16, 32, 32)
     hidden: int = 128
     error: float = 20.0
-    steps: int = 300  # pyright: ignore[reportIncompatibleMethodOverride]
+    steps: int = 200  # pyright: ignore[reportIncompatibleMethodOverride]
     geodesic: ClassVar[bool] = True
     rate: ClassVar[float] = 0.2
+
+    def __post_init__(self) -> None:
+        if isinstance(self.maps, list):
+            object.__setattr__(self, "maps", tuple(self.maps))  # a value can be hashed
 
     def check(self) -> None:
         """See `Network`."""
         if not wholes("maps", self.maps, "numbers of maps like (16, 32)", most=MOST_WIDTH):
             raise ValueError("maps must be numbers of maps like (16, 32), one at least, got none")
         whole("hidden", self.hidden, most=MOST_WIDTH)
+        number("error", self.error)
         whole("steps", self.steps)
 
     def check_shape(self, shape: tuple[int, ...]) -> None:
         """See `Network`."""
         if not is_image(shape):
             raise ValueError(
-                f"network 'image' is for images, observations of shape (n, height, width) or (n, height, width, channels), from "
-                f"{_SMALLEST} to {_LARGEST} pixels a side and of at most {_MOST_CHANNELS} channels, got {rows_of(shape)}"
+                f"network 'image' is for images, observations of shape (n, height, width) or (n, height, width, channels), "
+                f"from {_SMALLEST} to {_LARGEST} pixels a side and of at most {_MOST_CHANNELS} channels, got {rows_of(shape)}"
             )
 
     def scaling(self, observation: np.ndarray) -> Scaling:
@@ -195,7 +205,8 @@ class Image(Network):
 
     def loss(self, x: Array, reconstruction: Array, variance: Array) -> Array:
         """See the class."""
-        return self.error * ((reconstruction - x) ** 2).sum(axis=1) / variance
+        size = variance + _LEAST_VARIANCE * x.shape[1]
+        return self.error * ((reconstruction - x) ** 2).sum(axis=1) / size
 
     def measured(self, observation: np.ndarray, scaling: Scaling) -> np.ndarray:
         """Blurred, at several scales: distances of sharp images say nothing as soon as what is seen does not overlap."""

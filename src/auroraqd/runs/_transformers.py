@@ -23,7 +23,12 @@ _PLAIN = {
 _REST = "json"  # what is no array; no attribute of theirs is called so
 _ZIP = b"PK"  # how a file of skops begins
 _PACKED = 200  # times that what is in a packed file may be larger than it
-_TRUSTED = ("auroraqd.AutoEncoder", "auroraqd.Streams")  # beyond scikit-learn's
+_NETWORKS = ("MLP", "Convolutional", "Image")
+_TRUSTED = (  # beyond scikit-learn's
+    "auroraqd.AutoEncoder",
+    "auroraqd.Streams",
+    *(f"auroraqd.descriptors.networks.{name}" for name in _NETWORKS),
+)
 _FORMERLY = {b'"auroraqd.autoencoder"': b'"auroraqd"'}  # where it was in version 0.2.0
 _SCHEMA = "schema.json"
 

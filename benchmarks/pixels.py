@@ -1,0 +1,128 @@
+"""Skills from pixels: how much of what a robot can do is found by descriptors learned from images.
+
+    python benchmarks/pixels.py                      # all descriptors, one seed
+    python benchmarks/pixels.py --only geodesic hand-coded --seed 1
+    python benchmarks/pixels.py --update             # one update on 10,000 images of 64 x 64 x 3: seconds and memory
+
+The robot is a disc. Three genes are bent into its place, so that most of them leave it near the middle, and all that is seen is
+an image of it. Runs are of 80 generations of 100, with `VAT(cells=2000)`. Coverage is the number of 15 x 15 cells of the true
+places that are reached, effective cells exp of the entropy of how the repertoire is spread over them.
+"""
+
+import argparse
+import resource
+import time
+
+import numpy as np
+from sklearn.decomposition import PCA
+from sklearn.manifold import Isomap
+
+import auroraqd
+from auroraqd.descriptors.networks import Image
+
+GENERATIONS, BATCH, CELLS, BINS = 80, 100, 2_000, 15
+SIZE, RADIUS = 32, 2.5  # pixels
+
+
+def places(genotypes):
+    """(n, 3) genes in [0, 1] to (n, 2) places in [0, 1]."""
+    s = 2 * genotypes - 1
+    x, y = s[:, 0] * np.abs(s[:, 1]), s[:, 1] * s[:, 2] ** 3
+    return 0.5 + 0.5 * np.stack([np.sin(np.pi / 2 * x), y], axis=1)
+
+
+def images(place, size=SIZE, radius=RADIUS, colour=(1.0,)):
+    """(n, 2) places to (n, size, size, channels) uint8: a disc with a soft edge, always whole, on black."""
+    centre = (radius + 1) + (size - 3 - 2 * radius) * place
+    y, x = np.mgrid[:size, :size]
+    away = np.hypot(x - centre[:, 0, None, None], y - centre[:, 1, None, None])
+    bright = 255 * np.clip(radius + 0.5 - away, 0, 1)
+    return (bright[..., None] * np.asarray(colour)).astype(np.uint8)
+
+
+def disc(genotypes):
+    """The task."""
+    place = places(genotypes)
+    return np.zeros(len(place)), images(place), place
+
+
+class OnFlat:
+    """A transformer of scikit-learn without its inverse, fitted on 1,000 rows at most: Isomap takes all their distances."""
+
+    def __init__(self, estimator):
+        self.estimator = estimator
+
+    def fit(self, x):
+        """Rows, (n, features)."""
+        self.estimator.fit(x[np.random.default_rng(0).permutation(len(x))[:1000]])
+        return self
+
+    def transform(self, x):
+        """To (n, d)."""
+        return self.estimator.transform(x)
+
+
+DESCRIPTORS = {
+    "hand-coded": lambda: "hand-coded",
+    "genotype": lambda: "genotype",
+    "PCA": lambda: PCA(n_components=2),
+    "Isomap": lambda: OnFlat(Isomap(n_neighbors=8, n_components=2)),
+    "mlp": lambda: auroraqd.AutoEncoder(2, network="mlp"),
+    "euclidean": lambda: auroraqd.AutoEncoder(2, metric="euclidean"),
+    "geodesic": lambda: auroraqd.AutoEncoder(2),
+}
+SAID = {
+    "mlp": "AutoEncoder, network='mlp'",
+    "euclidean": "AutoEncoder, metric='euclidean'",
+    "geodesic": "AutoEncoder, the default (image, geodesic)",
+}
+
+
+def spread(place):
+    """Coverage, and effective cells."""
+    counts = np.histogram2d(*place.T, bins=BINS, range=[(0, 1), (0, 1)])[0].ravel()
+    share = counts[counts > 0] / counts.sum()
+    return len(share), float(np.exp(-(share * np.log(share)).sum()))
+
+
+def runs(names, seed):
+    print(f"### Images of a disc: {GENERATIONS} generations of {BATCH}, seed {seed}\n")
+    print(f"| descriptor | stored | coverage of {BINS * BINS} | effective cells | seconds |\n|---|---|---|---|---|")
+    for name in names:
+        options = {"seed": seed, "batch_size": BATCH, "resolution": auroraqd.VAT(cells=CELLS)}
+        since = time.perf_counter()
+        aurora = auroraqd.Aurora(3, DESCRIPTORS[name](), **options).run(disc, generations=GENERATIONS)
+        seconds = time.perf_counter() - since
+        coverage, effective = spread(aurora.archive.ground_truth)
+        print(f"| {SAID.get(name, name)} | {len(aurora.archive)} | {coverage} | {effective:.0f} | {seconds:.0f} |", flush=True)
+
+
+def update(rows=10_000, size=64):
+    """One fit, and encoding a batch of 200: seconds, and what memory they take beyond the images."""
+    rng = np.random.default_rng(0)
+    x = np.concatenate([images(rng.random((500, 2)), size, 5.0, (1.0, 0.5, 0.2)) for _ in range(rows // 500)])
+    auroraqd.AutoEncoder(2, network=Image(steps=1), repeats=1, random_state=0).fit(x[:100])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    since = time.perf_counter()
+    encoder = auroraqd.AutoEncoder(2, random_state=0).fit(x)
+    fitted = time.perf_counter() - since
+    memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    encoder.describe(x[:200])
+    since = time.perf_counter()
+    for _ in range(20):
+        encoder.transform(x[:200])
+    print(f"### One update on {rows:,} images {x.shape[1:]}\n")
+    print("| seconds | memory beyond the images, MiB | RMSE held out | encoding 200, ms |\n|---|---|---|---|")
+    print(f"| {fitted:.0f} | {memory:.0f} | {encoder.validation_rmse_:.3f} | {50 * (time.perf_counter() - since):.0f} |")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", choices=DESCRIPTORS, default=list(DESCRIPTORS))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--update", action="store_true")
+    chosen = parser.parse_args()
+    if chosen.update:
+        update()
+    else:
+        runs(chosen.only, chosen.seed)
