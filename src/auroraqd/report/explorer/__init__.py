@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from auroraqd._checks import whole
-from auroraqd._files import as_path, replacing
+from auroraqd._files import as_path, folder_at, replacing
 
 if TYPE_CHECKING:
     from auroraqd.report.explorer.runs import Source
@@ -32,7 +32,7 @@ def explore(run: Any, path: str | os.PathLike = "skills.html", *, most: int = MO
     Args:
         run: a run folder, an `Aurora`, or a `Repertoire`; or a sequence of these, of tasks with the same ground truth, which
             are compared in its space.
-        path: of the file, which is replaced if it is there.
+        path: of the file, which is replaced if it is there; its folder is created if needed.
         most: skills in the page; of more, as many are drawn at random, and the page says so. There are fewer where
             observations are large, so that the page stays below 15 MB.
 
@@ -52,7 +52,10 @@ def explore(run: Any, path: str | os.PathLike = "skills.html", *, most: int = MO
     given = list(run) if several else [run]
     if not 1 <= len(given) <= _MOST_RUNS:
         raise ValueError(f"run must be one, or from 1 to {_MOST_RUNS} of them, got {len(given)}")
+    if os.path.isdir(path):  # of a name that is too long, Path.is_dir raises
+        raise IsADirectoryError(f"{path} must be a file, and is a folder")
     page = _page(given, most)
+    folder_at(path.parent)
     with replacing(path) as file:
         file.write(page.encode())
     return path
@@ -64,7 +67,6 @@ def _page(given: list[Any], most: int) -> str:
         from bokeh.resources import Resources
     except ImportError:
         raise ValueError('Bokeh is not installed: pip install "auroraqd[explore]"') from None
-    from auroraqd.report.explorer.colours import place_colours
     from auroraqd.report.explorer.compared import table
     from auroraqd.report.explorer.figures import document
     from auroraqd.report.explorer.runs import content, source_of
@@ -72,27 +74,36 @@ def _page(given: list[Any], most: int) -> str:
     sources = [source_of(one) for one in given]
     _check(sources)
     runs = [content(source, max(most // len(sources), 1), 1 / len(sources)) for source in sources]
-    colours = np.split(place_colours(np.concatenate([run.pop("places") for run in runs])), np.cumsum([len(run["rows"]) for run in runs])[:-1])
-    for run, colour in zip(runs, colours, strict=True):
-        run["place"] = colour
+    _colour(runs)
     names = [source.name for source in sources]
     rows = table(names, [source.repertoire for source in sources]) if len(runs) > 1 else []
-    shown, maps = document(runs, [])
+    shown, maps = document(runs)
     texts = {name: (_HERE / f"page.{name}").read_text() for name in ("css", "js")}
     return file_html(
         shown,
         resources=Resources(mode="inline"),
         title=" and ".join(names),
         template=(_HERE / "page.html").read_text(),
-        template_variables={**texts, "maps": maps, "compared": rows, "time": False},
+        template_variables={**texts, "maps": maps, "compared": rows},
     )
+
+
+def _colour(runs: list[dict[str, Any]]) -> None:
+    """Give skills their colours, by their places in all of the runs together."""
+    from auroraqd.report.explorer.colours import place_colours
+
+    colours = place_colours(np.concatenate([run.pop("places") for run in runs]))
+    ends = np.cumsum([len(run["rows"]) for run in runs])
+    for run, own in zip(runs, np.split(colours, ends[:-1]), strict=True):
+        run["place"] = own
 
 
 def _check(sources: "list[Source]") -> None:
     """Raise ValueError unless there are skills, and, of several runs, of one space."""
+    from auroraqd.report.explorer.runs import check_any
+
     for source in sources:
-        if len(source.repertoire) == 0:
-            raise ValueError(f"{source.name} is empty, nothing was stored in its run: there is no skill to explore")
+        check_any(source.name, len(source.repertoire))
     if len(sources) < 2:
         return
     truths = [source.repertoire.ground_truth for source in sources]

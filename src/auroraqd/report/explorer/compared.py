@@ -51,7 +51,9 @@ def box(runs: Sequence[Mapping[str, Any]], space: str) -> list[tuple[float, floa
     """What two axes show of all runs, as they are shown first: from and to, each."""
     ends = []
     for axis in range(2):
-        found = np.concatenate([run["spaces"][space]["table"]["values"][:, axis] for run in runs if _wide(run, space) > axis] or [[0.0]])
+        found = np.concatenate(
+            [run["spaces"][space]["table"]["values"][:, axis] for run in runs if _wide(run, space) > axis] or [[0.0]]
+        )
         found = found[np.isfinite(found)]
         low, high = (float(found.min()), float(found.max())) if len(found) else (0.0, 0.0)
         margin = 0.05 * (high - low) or 1.0

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd.report.explorer.tables import table
+from auroraqd.report.explorer.tables import single, table
 
 _SIDE = {1: 256, 2: 40}  # of the grid, by dimensions
 _TRIED = 64  # places at which a map is compared with an affine one
@@ -37,7 +37,7 @@ def _affine(decode: Decode, descriptor: np.ndarray) -> dict[str, Any] | None:
     there = decode(places)
     if np.abs(there - ends[0] - (places - middle) @ slopes).max() > _EXACT * max(np.ptp(there), 1e-300):
         return None
-    return {"kind": "affine", "middle": middle.tolist(), "matrix": np.vstack([ends[:1], slopes]).astype(np.float32)}
+    return {"kind": "affine", "middle": middle.tolist(), "matrix": single(np.vstack([ends[:1], slopes]))}
 
 
 def _grid(decode: Decode, descriptor: np.ndarray) -> dict[str, Any] | None:
@@ -45,7 +45,9 @@ def _grid(decode: Decode, descriptor: np.ndarray) -> dict[str, Any] | None:
     if d not in _SIDE:
         return None
     low, extent = _box(descriptor)
-    sides = [np.linspace(at - _MARGIN * size, at + (1 + _MARGIN) * size, _SIDE[d]) for at, size in zip(low, extent, strict=True)]
+    sides = [
+        np.linspace(at - _MARGIN * size, at + (1 + _MARGIN) * size, _SIDE[d]) for at, size in zip(low, extent, strict=True)
+    ]
     places = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, d)
     return {
         "kind": "grid",

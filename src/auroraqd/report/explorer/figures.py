@@ -16,40 +16,35 @@ from bokeh.plotting import figure
 from auroraqd.report.explorer.compared import box
 
 _BACKED_OFF = 0.06  # opacity of skills beside those that are selected
-_NOTHING = "rgba(0, 0, 0, 0)"
 PALETTE = tuple(Cividis256)
 """Of numbers: it reads the same to the colour-blind."""
 
 
-def document(runs: Sequence[Mapping[str, Any]], snapshots: Sequence[Mapping[str, Any]]) -> tuple[Document, list[dict[str, Any]]]:
-    """The document of a page, and its maps, in order: `run`, `space`, and the `id` of the figure.
+def document(runs: Sequence[Mapping[str, Any]]) -> tuple[Document, list[dict[str, Any]]]:
+    """The document of a page, and its maps, in order: `run`, `space`, and the `figure`.
 
     Args:
-        runs: as `auroraqd.report.explorer.runs.content` has them.
-        snapshots: of the only run, in their order.
+        runs: as `auroraqd.report.explorer.runs.content` has them, with colours by `place`.
     """
     document = Document()
     spaces = ["truth"] if len(runs) > 1 else [space for space in ("descriptor", "truth", "genes") if space in runs[0]["spaces"]]
-    maps, colors = [], LinearColorMapper(PALETTE, low=0, high=1, nan_color="#888888")
+    maps, colors = [], LinearColorMapper(palette=PALETTE, low=0, high=1, nan_color="#888888")
     sources = [_points(run, spaces) for run in runs]
     for number, run in enumerate(runs):
         for space in spaces:
             name = f"map{len(maps)}"
             maps.append({"run": number, "space": space, "figure": _map(name, sources[number], space, len(run["rows"]))})
     if len(runs) > 1:
-        x, y = (Range1d(*ends) for ends in box(runs, spaces[0]))
+        x, y = (Range1d(start=low, end=high) for low, high in box(runs, spaces[0]))
         for each in maps:
             each["figure"].x_range, each["figure"].y_range = x, y
     bar = ColorBar(color_mapper=colors, visible=False, height=8, padding=4, background_fill_color=None)
     maps[0]["figure"].add_layout(bar, "below")
     models: dict[str, Any] = {"maps": maps, "sources": sources, "colors": colors, "bar": bar, "palette": _numbers(PALETTE)}
     models["lines"] = {"skill": _lines("skill"), "set": _lines("set")}
-    if snapshots:
-        models["time"] = _plain("time", tools="")
-        models["time"].scatter("x", "y", source=_empty("x", "y", "color"), size=4, line_color=None, fill_color="color", name="points")
-    for each in [*(each["figure"] for each in maps), *models["lines"].values(), *([models["time"]] if snapshots else [])]:
-        document.add_root(each)
-    data = {"runs": list(runs), "snapshots": list(snapshots)}
+    for plot in [*(each["figure"] for each in maps), *models["lines"].values()]:
+        document.add_root(plot)
+    data = {"runs": list(runs)}
     document.js_on_event("document_ready", CustomJS(args={"models": models, "data": data}, code="explorer.start(models, data)"))
     return document, maps
 
@@ -62,7 +57,7 @@ def _points(run: Mapping[str, Any], spaces: Sequence[str]) -> ColumnDataSource:
     """The skills of a run, by their place in each space that is shown."""
     places: dict[str, Any] = {"color": run["place"]}
     for space in spaces:
-        table, main, shown = (run["spaces"][space][name] for name in ("table", "main", "shown"))
+        table, main = run["spaces"][space]["table"], run["spaces"][space]["main"]
         columns = table["values"] if main is None else main
         flat = columns.shape[1] == 1
         places[f"{space}_x"], places[f"{space}_y"] = columns[:, 0], np.zeros(len(columns)) if flat else columns[:, 1]
@@ -82,7 +77,9 @@ def _plain(name: str, tools: str, **options: Any) -> Any:
 
 def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
     """Skills as points, and above them, on a canvas of their own, what is pointed at."""
-    plot = _plain(name, "pan,wheel_zoom,reset,save", output_backend="webgl", active_scroll="wheel_zoom", toolbar_location="above")
+    plot = _plain(
+        name, "pan,wheel_zoom,reset,save", output_backend="webgl", active_scroll="wheel_zoom", toolbar_location="above"
+    )
     size = float(np.clip(260 / max(n, 1) ** 0.5, 2.5, 9))
     points = plot.scatter(
         f"{space}_x",
@@ -99,11 +96,12 @@ def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
     lasso = LassoSelectTool(persistent=False, continuous=False, renderers=[points])
     plot.add_tools(BoxSelectTool(persistent=False, renderers=[points]), lasso)
     plot.toolbar.active_drag = lasso
-    plot.line("x", "y", source=_empty("x", "y"), level="overlay", name="way", line_width=1.5)
-    marks = _empty("x", "y", "size", "fill", "line", "marker")
-    plot.scatter(
-        "x", "y", size="size", fill_color="fill", line_color="line", marker="marker", source=marks, level="overlay", name="marks"
-    ).glyph.line_width = 2
+    # Glyphs that Bokeh does not draw by WebGL, in which marks that come and go would be missed now and then.
+    way, marks = _empty("x0", "y0", "x1", "y1"), _empty("x", "y", "size", "fill", "line")
+    plot.segment("x0", "y0", "x1", "y1", source=way, level="overlay", name="way", line_width=1.5)
+    screen = {"width": "size", "height": "size", "width_units": "screen", "height_units": "screen"}
+    look = {"fill_color": "fill", "line_color": "line", "line_width": 2}
+    plot.ellipse("x", "y", source=marks, level="overlay", name="marks", **screen, **look)
     for event, function in ((MouseMove, "move"), (Tap, "tap")):
         plot.js_on_event(event, CustomJS(args={"name": name}, code=f"explorer.{function}(name, cb_obj)"))
     return plot
@@ -114,10 +112,19 @@ def _lines(name: str) -> Plot:
     plot = _plain(f"{name}-lines", "", x_range=Range1d(), y_range=Range1d())
     lines = _empty("xs", "ys", "color", "width", "alpha", "dash")
     plot.multi_line(
-        "xs", "ys", source=lines, line_color="color", line_width="width", line_alpha="alpha", line_dash="dash", name="lines",
+        "xs",
+        "ys",
+        source=lines,
+        line_color="color",
+        line_width="width",
+        line_alpha="alpha",
+        line_dash="dash",
+        name="lines",
         line_join="round",
     )
-    plot.scatter("x", "y", source=_empty("x", "y", "color", "size"), size="size", color="color", line_color=None, name="samples")
+    plot.scatter(
+        "x", "y", source=_empty("x", "y", "color", "size"), size="size", color="color", line_color=None, name="samples"
+    )
     plot.line("x", "y", source=_empty("x", "y"), line_width=1.5, name="border")
     if name == "skill":
         plot.line("x", "y", source=_empty("x", "y"), level="overlay", line_width=4, line_cap="round", name="arm")

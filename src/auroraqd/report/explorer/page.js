@@ -3,9 +3,7 @@
  * Bokeh draws, and keeps what is selected; it calls `start` with its figures and the data (see runs.py and figures.py), and
  * `move` and `tap` when that happens on a map. A skill is named by its run and its index there. All texts from the
  * data go through `textContent`, so nothing in them can run. */
-"use strict";
-
-const explorer = (() => {
+window.explorer = (() => {
   const PINS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00"]; // Okabe and Ito: for the colour-blind too
   const NEAR = 14; // pixels within which a click means a skill
   const LINES = 300, PICTURES = 48, FOUND = 12, ANCESTORS = 50; // that are shown of a set; that are found; on the maps
@@ -60,7 +58,14 @@ const explorer = (() => {
 
   // Maps.
   const rendererOf = (figure, name) => figure.renderers.find((renderer) => renderer.name === name);
-  const fill = (figure, name, columns) => { rendererOf(figure, name).data_source.data = columns; };
+  const rows = (columns) => Object.values(columns)[0].length;
+  const append = (columns, row) => { Object.values(columns).forEach((values, k) => { values.push(row[k]); }); };
+
+  function fill(figure, name, columns) {
+    const source = rendererOf(figure, name).data_source;
+    if (rows(columns) || rows(source.data)) source.data = columns; // each change costs a frame some milliseconds
+  }
+
   const placeOn = (map, i) => ["x", "y"].map((axis) => models.sources[map.run].data[`${map.space}_${axis}`][i]);
 
   /** The skill that is nearest to a place of a map in pixels, of those that are `among`, and how far it is. */
@@ -97,7 +102,7 @@ const explorer = (() => {
     const found = new Map([[`place in ${data.runs[0].placed}`, null]]);
     for (const name of Object.keys(data.runs[0].values)) found.set(name, (run) => run.values[name]);
     for (const [space, { names }] of Object.entries(data.runs[0].spaces)) {
-      names.forEach((name, j) => found.set(name, (run) => column(run, space, j)));
+      names.forEach((name, j) => { found.set(name, (run) => column(run, space, j)); });
     }
     return found;
   }
@@ -105,13 +110,16 @@ const explorer = (() => {
   function colour(read) {
     const values = data.runs.map((run) => (read ? read(run) : null));
     let low = Infinity, high = -Infinity;
-    for (const each of values) for (const value of each ?? []) { low = Math.min(low, value); high = Math.max(high, value); }
+    for (const each of values) for (const value of each ?? []) {
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
     const { colors, bar, palette, sources } = models, span = high > low ? high - low : 1;
     bar.visible = read !== null;
     if (read && low <= high) colors.setv({ low, high: low + span });
     sources.forEach((source, k) => {
       const shades = source.data.color; // its kind of array says that these are colours
-      values[k]?.forEach((value, i) => { shades[i] = value === value ? palette[Math.round(255 * (value - low) / span)] : 0x888888ff; });
+      values[k]?.forEach((value, i) => { shades[i] = !Number.isNaN(value) ? palette[Math.round(255 * (value - low) / span)] : 0x888888ff; });
       if (!read) shades.set(data.runs[k].place);
       source.change.emit();
     });
@@ -121,17 +129,14 @@ const explorer = (() => {
   /** Rings and dots above the maps: what is pointed at, its ancestors, what is pinned, and the place that was clicked. */
   function mark() {
     for (const map of maps) {
-      const marks = { x: [], y: [], size: [], fill: [], line: [], marker: [] };
-      const put = ([x, y], size, inside, line, marker = "circle") => {
-        [x, y, size, inside, line, marker].forEach((value, k) => Object.values(marks)[k].push(value));
-      };
-      const way = { x: [], y: [] };
+      const marks = { x: [], y: [], size: [], fill: [], line: [] }, way = { x0: [], y0: [], x1: [], y1: [] };
+      const put = ([x, y], size, inside, line) => append(marks, [x, y, size, inside, line]);
       state.pins.forEach((pin) => { if (pin.run === map.run) put(placeOn(map, pin.skill), 11, pin.colour, ink.paper); });
-      if (state.place && state.place.map === map) put(state.place.at, 13, ink.expected, ink.expected, "x");
+      if (state.place && state.place.map === map) put(state.place.at, 11, ink.expected, ink.ink);
       if (state.skill >= 0 && state.run === map.run) {
         const line = [state.skill, ...ancestors(data.runs[state.run], state.skill).chain.slice(0, ANCESTORS)];
-        line.forEach((i) => { const [x, y] = placeOn(map, i); way.x.push(x); way.y.push(y); });
-        line.slice(1).forEach((i) => put(placeOn(map, i), 6, ink.soft, ink.paper));
+        line.slice(1).forEach((i, k) => { append(way, [...placeOn(map, line[k]), ...placeOn(map, i)]); });
+        line.slice(1).forEach((i) => { put(placeOn(map, i), 6, ink.soft, ink.paper); });
         put(placeOn(map, state.skill), 15, "rgba(0, 0, 0, 0)", ink.ink);
       } else if (state.skill >= 0) { // the same outcome in the other run
         const twin = twinOf(map);
@@ -153,7 +158,7 @@ const explorer = (() => {
     for (let i = 0; i < n; i++) {
       let sum = 0;
       for (let j = 0; j < values.length; j++) sum += (entry(table, i, first + j) - values[j]) ** 2;
-      if (sum === sum && (found.length < k || sum < found[found.length - 1].sum)) {
+      if (!Number.isNaN(sum) && (found.length < k || sum < found[found.length - 1].sum)) {
         const at = found.findIndex((each) => sum < each.sum);
         found.splice(at < 0 ? found.length : at, 0, { skill: i, sum });
         found.length = Math.min(found.length, k);
@@ -177,7 +182,7 @@ const explorer = (() => {
 
   // A skill.
   const number = (value) => (Number.isInteger(value) ? value.toLocaleString("en") : Number(value).toPrecision(4));
-  const nameOf = (run, i) => `skill ${data.runs[run].rows[i]}` + (data.runs.length > 1 ? `, ${data.runs[run].name}` : "");
+  const nameOf = (run, i) => `skill ${data.runs[run].rows[i]}${data.runs.length > 1 ? `, ${data.runs[run].name}` : ""}`;
 
   function show(run, skill, place = null) {
     Object.assign(state, { run, skill, place });
@@ -219,8 +224,8 @@ const explorer = (() => {
     const samples = { x: [], y: [], color: [], size: [] };
     for (const { of, colour: color, width: line = 1, alpha = 1, dash = "solid", dots } of entries) {
       for (const [xs, ys] of linesOf(run, of)) {
-        [xs, ys, color, line, alpha, dash].forEach((value, k) => Object.values(lines)[k].push(value));
-        if (dots && xs.length <= 120) xs.forEach((x, k) => { [x, ys[k], color, 4].forEach((value, n) => Object.values(samples)[n].push(value)); });
+        append(lines, [xs, ys, color, line, alpha, dash]);
+        if (dots && xs.length <= 120) xs.forEach((x, k) => { append(samples, [x, ys[k], color, 4]); });
       }
     }
     fill(figure, "lines", lines);
@@ -385,7 +390,7 @@ const explorer = (() => {
     const { run: k, indices } = state.set, run = data.runs[k], shades = models.sources[k].data.color;
     const most = run.sight.kind === "image" ? PICTURES : LINES;
     const some = indices.filter((_, n) => indices.length <= most || Math.floor(n * most / indices.length) !== Math.floor((n - 1) * most / indices.length));
-    $("many").textContent = `${indices.length.toLocaleString("en")} skills selected` + (some.length < indices.length ? `, ${some.length} shown` : "");
+    $("many").textContent = `${indices.length.toLocaleString("en")} skills selected${some.length < indices.length ? `, ${some.length} shown` : ""}`;
     draw($("set"), models.lines.set, run, some.map((i) => ({ of: rowOf(run.observed, i), colour: css(shades[i]), width: 1.2, alpha: 0.6 })));
     if (run.sight.kind !== "image") fit(models.lines.set);
     $("code").textContent = python();
@@ -411,7 +416,7 @@ const explorer = (() => {
     const rows = records(), quoted = (text) => `"${String(text).replaceAll('"', '""')}"`;
     const run = data.runs[state.set.run];
     const text = kind === "csv"
-      ? [Object.keys(rows[0]).map(quoted), ...rows.map((row) => Object.values(row))].map((line) => line.join(",")).join("\n") + "\n"
+      ? [Object.keys(rows[0]).map(quoted), ...rows.map((row) => Object.values(row))].map((line) => `${line.join(",")}\n`).join("")
       : JSON.stringify({ run: run.name, python: python(), observation_shape: run.sight.shape,
         skills: rows.map((row, n) => ({ ...row, observation: [...rowOf(run.observed, state.set.indices[n])] })) });
     const link = document.createElement("a");
@@ -471,7 +476,7 @@ const explorer = (() => {
   function dress() {
     const style = getComputedStyle(document.documentElement);
     ink = Object.fromEntries(["ink", "soft", "line", "paper", "expected"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
-    const figures = [...maps.map(({ figure }) => figure), ...Object.values(models.lines), ...(models.time ? [models.time] : [])];
+    const figures = [...maps.map(({ figure }) => figure), ...Object.values(models.lines)];
     for (const figure of figures) {
       for (const part of [...figure.left, ...figure.below]) {
         part.setv({ major_label_text_color: ink.soft });
@@ -493,7 +498,10 @@ const explorer = (() => {
     const [low, high] = [union("low", Math.min), union("high", Math.max)];
     const size = [0, 1].map((k) => (high[k] - low[k] || 1) * 1.04), pixels = [inner_width, inner_height];
     if (stage.equal) { const unit = Math.max(size[0] / pixels[0], size[1] / pixels[1]); size.forEach((_, k) => { size[k] = unit * pixels[k]; }); }
-    [figure.x_range, figure.y_range].forEach((range, k) => range.setv({ start: (low[k] + high[k] - size[k]) / 2, end: (low[k] + high[k] + size[k]) / 2 }));
+    [figure.x_range, figure.y_range].forEach((range, k) => {
+      const middle = (low[k] + high[k]) / 2;
+      range.setv({ start: middle - size[k] / 2, end: middle + size[k] / 2 });
+    });
   }
 
   /** What does not move: walls, or the ground. */
@@ -534,7 +542,7 @@ const explorer = (() => {
         options(select, titles, map.shown[k], (j) => { map.shown[k] = j; setAxes(map); });
       });
     }
-    models.sources.forEach((source, run) => source.selected.properties.indices.change.connect(() => choose(run)));
+    models.sources.forEach((source, run) => { source.selected.properties.indices.change.connect(() => choose(run)); });
     Object.values(models.lines).forEach((figure) => {
       for (const side of ["inner_width", "inner_height"]) figure.properties[side].change.connect(() => fit(figure));
     });

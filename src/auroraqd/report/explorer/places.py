@@ -28,8 +28,8 @@ def genes_of(config: Mapping[str, Any], n_genes: int) -> Genes | None:
     """The genes of the task of a run, if they are known."""
     task, genes = task_of(config), genes_in(config)
     if task == _BALLISTIC:
-        angle, force = ([share * most for share in _ENDS] for most in (math.pi / 2, 200.0))
-        genes = Genes(angle=(*angle, "rad"), force=(*force, "N"))
+        low, high = _ENDS
+        genes = Genes(angle=(low * math.pi / 2, high * math.pi / 2, "rad"), force=(low * 200, high * 200, "N"))
     elif task == _AIR_HOCKEY:
         moves = [f"{move} joint {joint + 1}" for move in ("first", "final") for joint in range(air_hockey.JOINTS)]
         genes = Genes(**dict.fromkeys(moves, (-math.pi, math.pi, "rad")))
@@ -69,10 +69,7 @@ def stage_of(config: Mapping[str, Any], repertoire: Repertoire, sight: Sight) ->
 
 
 def _arm(steps: int) -> dict[str, Any]:
-    """An arm of joints whose angles, at each sample, are first times those of the first genes plus final times those of the last.
-
-    In the units of `genes_of`.
-    """
+    """An arm, at each sample: the angle of a joint is `first` times its first target plus `final` times its final one."""
     reached = 1 - math.exp(-air_hockey.RATE * air_hockey.PHASE)
     share = 1 - np.exp(-air_hockey.RATE * air_hockey.PHASE * np.arange(1, steps + 1) / steps)
     return {

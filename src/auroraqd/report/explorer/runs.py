@@ -20,12 +20,14 @@ from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.decoders import decoder
 from auroraqd.report.explorer.places import genes_of, stage_of, truth_names
 from auroraqd.report.explorer.sights import Sight
-from auroraqd.report.explorer.tables import back, table, wholes
+from auroraqd.report.explorer.tables import back, single, table, wholes
 from auroraqd.runs import folders
 from auroraqd.runs.state import settings_of
 
 _NEIGHBOURS = 15
 _BYTES = 7_000_000  # of what is observed, in a page
+
+
 @dataclass(frozen=True)
 class Source:
     """A run to show.
@@ -46,21 +48,25 @@ def source_of(run: Any) -> Source:
 
     Raises:
         TypeError: it is something else.
-        FileNotFoundError, ValueError: see `auroraqd.load`.
+        FileNotFoundError, ValueError: see `auroraqd.load`; or a run has found nothing.
     """
     if isinstance(run, Repertoire):
         return Source(run, "repertoire", "repertoire")
     if isinstance(run, Aurora):
-        return Source(Repertoire(_columns(run), _Live(run)), f"run of seed {run.seed}", "aurora.archive")
+        name = f"run of seed {run.seed}"
+        check_any(name, len(run.archive))
+        columns = {column: rows.copy() for column, rows in run.archive.columns.items()}
+        return Source(Repertoire(columns, _Live(run)), name, "aurora.archive")
     if not isinstance(run, str | os.PathLike):
         raise TypeError(f"run must be a run folder, an auroraqd.Aurora or an auroraqd.Repertoire, got {type(run).__name__}")
     path = Path(run)
     return Source(folders.load(path), path.name or str(path.absolute().name), f"auroraqd.load({os.fspath(path)!r})")
 
 
-def _columns(aurora: Aurora) -> dict[str, np.ndarray]:
-    columns = aurora.archive.columns
-    return {name: column.copy() for name, column in columns.items()} if len(aurora.archive) else {}
+def check_any(name: str, skills: int) -> None:
+    """Raise ValueError unless there are skills."""
+    if skills == 0:
+        raise ValueError(f"{name} is empty, nothing was stored in its run: there is no skill to explore")
 
 
 @dataclass(frozen=True)
@@ -186,7 +192,7 @@ def _space(title: str, values: np.ndarray, rows: np.ndarray, names: list[str]) -
     space = {"title": title, "names": names, "table": table(values[rows]), "main": None, "shown": [0, min(1, len(names) - 1)]}
     if len(names) > 2 and np.isfinite(values).all() and np.ptp(values, axis=0).any():
         directions = _main_directions(values)
-        space["main"] = ((values[rows] - values.mean(axis=0)) @ directions.T).astype(np.float32)
+        space["main"] = single((values[rows] - values.mean(axis=0)) @ directions.T)
         space["shown"] = [len(names), len(names) + 1]
         space["directions"] = directions.tolist()
     return space
@@ -208,7 +214,7 @@ def _values(repertoire: Repertoire, rows: np.ndarray) -> dict[str, np.ndarray]:
         "reconstruction error": None if repertoire.reconstruction_error is None else repertoire.reconstruction_error[rows],
     }
     kept = {name: values for name, values in found.items() if values is not None and len(values)}
-    return {name: values.astype(np.float32) for name, values in kept.items() if np.ptp(values) > 0}
+    return {name: single(values) for name, values in kept.items() if np.ptp(values) > 0}
 
 
 def _novelty(descriptor: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -216,7 +222,8 @@ def _novelty(descriptor: np.ndarray, rows: np.ndarray) -> np.ndarray:
     k = min(_NEIGHBOURS, len(descriptor) - 1)
     if k == 0:
         return np.zeros(len(rows))
-    distance, _ = NearestNeighbors(n_neighbors=k + 1).fit(descriptor).kneighbors(descriptor[rows])
+    with np.errstate(all="ignore"):  # squares of the largest numbers are infinite
+        distance, _ = NearestNeighbors(n_neighbors=k + 1).fit(descriptor).kneighbors(descriptor[rows])
     return distance[:, 1:].mean(axis=1)  # the first is itself, or a copy
 
 

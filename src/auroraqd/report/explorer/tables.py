@@ -7,6 +7,7 @@ import numpy as np
 NARROW = 32
 """Columns, at most, of which all digits of a float32 are kept. Of more, each column has 65,536 steps of its range."""
 
+_LARGEST = float(np.finfo(np.float32).max)
 _STEPS = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65_535, np.dtype(np.int8): 127}
 
 
@@ -21,7 +22,7 @@ def table(rows: np.ndarray, dtype: Any = None) -> dict[str, Any]:
     """
     if dtype is None:
         if rows.shape[1] <= NARROW or not np.isfinite(rows).all():
-            return {"values": rows.astype(np.float32)}
+            return {"values": single(rows)}
         dtype = np.uint16
     dtype = np.dtype(dtype)
     rows = rows.astype(np.float64)
@@ -33,6 +34,11 @@ def table(rows: np.ndarray, dtype: Any = None) -> dict[str, Any]:
         step = (rows.max(axis=0, initial=-np.inf) - low) / _STEPS[dtype] if len(rows) else np.zeros(rows.shape[1])
     values = np.round((rows - low) / np.where(step > 0, step, 1)).astype(dtype)
     return {"values": values, "low": low.tolist(), "step": step.tolist()}
+
+
+def single(rows: np.ndarray) -> np.ndarray:
+    """As float32, which has no larger numbers than 3.4e38."""
+    return np.clip(rows, -_LARGEST, _LARGEST).astype(np.float32)
 
 
 def back(kept: dict[str, Any]) -> np.ndarray:
