@@ -17,7 +17,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Let a robot find out by itself what it can do: Quality-Diversity with learned behavioural descriptors (AURORA).",
 )
-for command in (discover.run, discover.repeat, discover.resume, show.show, show.animate, reproduce.reproduce):
+for command in (discover.run, discover.repeat, discover.resume, show.show, show.explore, show.animate, reproduce.reproduce):
     app.command()(command)
 
 

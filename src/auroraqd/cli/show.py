@@ -1,4 +1,4 @@
-"""`auroraqd show` and `animate`: to look at what was found."""
+"""`auroraqd show`, `explore` and `animate`: to look at what was found."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -66,6 +66,26 @@ def animate(
             seeds = other_seeds(0, len(rows)) if robot.seeded else None
             film(robot, repertoire.genotype[rows], path, seeds, [f"skill {row}" for row in rows], drawn)
     console.print(str(path), highlight=False, soft_wrap=True)
+
+
+def explore(
+    folders: Annotated[list[Path], typer.Argument(help="Run folder; several are compared in their ground truth.")],
+    out: Annotated[Path, typer.Option(help="The .html file to write.")] = Path("skills.html"),
+    most: Annotated[int, typer.Option(help="Skills in the page; of more, as many are drawn at random.")] = 20_000,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Write a page to explore skills in a browser: one file, which needs no network and no server.
+
+    Example: auroraqd explore runs/first --out skills.html
+    """
+    if out.exists() and not overwrite:
+        raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
+    with busy("loading"):
+        from auroraqd.report import explore
+
+        with warnings_said():
+            explore(folders, out, most=most)
+    console.print(f"{out}, {out.stat().st_size / 1e6:.1f} MB: open it in a browser", highlight=False, soft_wrap=True)
 
 
 def _robot(config: Mapping[str, Any], named: str | None) -> Any:

@@ -1,0 +1,120 @@
+"""The explorer in Chromium: 20,000 skills of 100 numbers, the size of the file, the first paint, and how soon pointing answers.
+
+Needs the extra `test`, and Chromium with chromedriver, of Debian's packages `chromium` and `chromium-driver` for instance. What
+it says depends on whether the machine has a GPU, and on what else it does. Pointing is measured from the time of the browser's
+own pointer event: until the panel has changed, and until the frame after that is drawn.
+"""
+
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from selenium import webdriver
+from sklearn.decomposition import PCA
+
+import auroraqd
+
+SKILLS, STEPS = 20_000, 50
+POINTED = 60
+LISTEN = """window.times = []; let since = 0;
+document.addEventListener("pointermove", (event) => { since = event.timeStamp; }, true);
+document.addEventListener("shown", () => {
+  const from = since, panel = performance.now() - from;
+  requestAnimationFrame(() => setTimeout(() => window.times.push([panel, performance.now() - from]), 0));
+});"""
+
+
+class Known:
+    """The origin of skills that nobody found."""
+
+    def __init__(self, descriptor):
+        self._descriptor = descriptor
+
+    def descriptor(self):  # noqa: D102
+        return self._descriptor
+
+    def config(self):  # noqa: D102
+        return {}
+
+    def history(self):  # noqa: D102
+        return auroraqd.history.History()
+
+
+def repertoire(transformer):
+    """Skills of random walks, which no compression makes small."""
+    rng = np.random.default_rng(0)
+    walks = np.cumsum(rng.normal(0, 0.05, (SKILLS, STEPS, 2)), axis=1)
+    aurora = auroraqd.Aurora(8, transformer, seed=0, prior=walks[:2000])
+    columns = {
+        "genotype": rng.random((SKILLS, 8)),
+        "fitness": rng.random(SKILLS),
+        "observation": walks,
+        "descriptor": aurora.describe(walks),
+        "ground_truth": walks[:, -1].copy(),
+        "curiosity": rng.random(SKILLS),
+        "reconstruction_error": rng.random(SKILLS),
+        "id": np.arange(SKILLS),
+        "born": np.arange(SKILLS),
+        "parent": (rng.random(SKILLS) * np.arange(SKILLS)).astype(np.int64) - 1,
+    }
+    return auroraqd.Repertoire(columns, Known(aurora.descriptor))
+
+
+def browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader"):
+        options.add_argument(argument)
+    options.add_argument("--window-size=1440,1000")
+    return webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+
+
+def ready(driver, path):
+    """Milliseconds until the first paint, and until all is there."""
+    driver.get(path.as_uri())
+    while not driver.execute_script("return document.documentElement.dataset.ready"):
+        time.sleep(0.05)
+    time.sleep(1)
+    paint = driver.execute_script("return performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN")
+    return paint, float(driver.execute_script("return document.documentElement.dataset.ready"))
+
+
+def pointing(driver):
+    """(n, 2) milliseconds from a pointer event until the panel has changed, and until it is drawn."""
+    driver.execute_script(LISTEN)
+    plot = driver.find_element("css selector", ".map .plot").rect
+    for number in range(POINTED):
+        place = {"x": plot["x"] + 100 + (number * 37) % 300, "y": plot["y"] + 60 + (number * 53) % 250}
+        driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", **place})
+        time.sleep(0.2)
+    return np.array(driver.execute_script("return window.times"))
+
+
+def main():
+    print(f"### The explorer, {SKILLS:,} skills of {2 * STEPS} numbers, in Chromium\n")
+    print("| descriptor | written, s | MB | first paint, ms | ready, ms | panel changed, ms (95%) | drawn, ms (95%) |")
+    print("|---|---|---|---|---|---|---|")
+    driver = browser()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            for transformer in (PCA(n_components=2), auroraqd.AutoEncoder(n_components=2)):
+                skills, path = repertoire(transformer), Path(folder) / "skills.html"
+                since = time.perf_counter()
+                auroraqd.report.explore(skills, path)
+                written = time.perf_counter() - since
+                starts = np.nanmedian([ready(driver, path) for _ in range(5)], axis=0)
+                times = pointing(driver)
+                median, most = np.median(times, axis=0), np.quantile(times, 0.95, axis=0)
+                print(
+                    f"| {type(transformer).__name__} | {written:.1f} | {path.stat().st_size / 1e6:.1f} | {starts[0]:.0f} | "
+                    f"{starts[1]:.0f} | {median[0]:.0f} ({most[0]:.0f}) | {median[1]:.0f} ({most[1]:.0f}) |",
+                    flush=True,
+                )
+    finally:
+        driver.quit()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,613 @@
+/* The explorer's page: what happens when skills are pointed at, clicked, selected or sought.
+ *
+ * Bokeh draws, and keeps what is selected; it calls `start` with its figures and the data (see runs.py and figures.py), and
+ * `move` and `tap` when that happens on a map. A skill is named by its run and its index there. All texts from the
+ * data go through `textContent`, so nothing in them can run. */
+window.explorer = (() => {
+  const PINS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00"]; // Okabe and Ito: for the colour-blind too
+  const NEAR = 14; // pixels within which a click means a skill
+  const LINES = 300, PICTURES = 48, FOUND = 12, ANCESTORS = 50; // that are shown of a set; that are found; on the maps
+  const $ = (id) => document.getElementById(id);
+  const state = { run: 0, skill: -1, place: null, pins: [], set: null, playing: null };
+  let models, data, maps, ink;
+
+  // Tables: rows of numbers in few bytes.
+  const width = (table) => table.values.shape[1];
+  const entry = (table, i, j) => {
+    const value = table.values[i * width(table) + j];
+    return table.low ? table.low[j] + table.step[j] * value : value;
+  };
+  const rowOf = (table, i) => Float64Array.from({ length: width(table) }, (_, j) => entry(table, i, j));
+
+  /** A column of a space: one of its own, or after these the two along which it varies most. */
+  function column(run, space, j) {
+    const { names, table, main } = run.spaces[space];
+    const read = j < names.length ? (i) => entry(table, i, j) : (i) => main[2 * i + j - names.length];
+    return Float32Array.from({ length: run.rows.length }, (_, i) => read(i));
+  }
+
+  const columnNames = ({ names, main }) => [...names, ...(main ? ["main axis 1", "main axis 2"] : [])];
+
+  // What the learned descriptor expects.
+  function decoded({ decoder }, place) {
+    if (decoder.kind === "affine") {
+      const { matrix, middle } = decoder, n = matrix.shape[1];
+      return Float64Array.from({ length: n }, (_, j) =>
+        middle.reduce((sum, at, k) => sum + (place[k] - at) * matrix[(k + 1) * n + j], matrix[j]));
+    }
+    const { low, high, side, table } = decoder, result = new Float64Array(width(table));
+    const at = low.map((from, k) => Math.min(Math.max((place[k] - from) / (high[k] - from), 0), 1) * (side - 1));
+    for (let corner = 0; corner < 2 ** at.length; corner++) { // linear between the samples around
+      let weight = 1, index = 0;
+      at.forEach((value, k) => {
+        const before = Math.min(Math.floor(value), side - 2), after = (corner >> k) & 1;
+        weight *= after ? value - before : 1 - (value - before);
+        index = index * side + before + after;
+      });
+      if (weight > 0) result.forEach((_, j) => { result[j] += weight * entry(table, index, j); });
+    }
+    return result;
+  }
+
+  function reconstruction(run, i) {
+    if (run.differences) {
+      return rowOf(run.observed, i).map((value, j) => value + entry(run.differences, i, j));
+    }
+    return run.decoder ? decoded(run, rowOf(run.spaces.descriptor.table, i)) : null;
+  }
+
+  // Maps.
+  const rendererOf = (figure, name) => figure.renderers.find((renderer) => renderer.name === name);
+  const rows = (columns) => Object.values(columns)[0].length;
+  const append = (columns, row) => { Object.values(columns).forEach((values, k) => { values.push(row[k]); }); };
+
+  function fill(figure, name, columns) {
+    const source = rendererOf(figure, name).data_source;
+    if (rows(columns) || rows(source.data)) source.data = columns; // each change costs a frame some milliseconds
+  }
+
+  const placeOn = (map, i) => ["x", "y"].map((axis) => models.sources[map.run].data[`${map.space}_${axis}`][i]);
+
+  /** The skill that is nearest to a place of a map in pixels, of those that are `among`, and how far it is. */
+  function nearest(map, x, y, among = () => true) {
+    const { x_range, y_range, inner_width, inner_height } = map.figure;
+    const [across, up] = [inner_width / (x_range.end - x_range.start), inner_height / (y_range.end - y_range.start)];
+    const source = models.sources[map.run].data, xs = source[`${map.space}_x`], ys = source[`${map.space}_y`];
+    let best = -1, least = Infinity;
+    for (let i = 0; i < xs.length; i++) {
+      const dx = (xs[i] - x) * across, dy = (ys[i] - y) * up, distance = dx * dx + dy * dy;
+      if (distance < least && among(dx, dy, i)) { best = i; least = distance; }
+    }
+    return { skill: best, distance: Math.sqrt(least) };
+  }
+
+  function setAxes(map) {
+    const source = models.sources[map.run], run = data.runs[map.run], [x, y] = map.shown;
+    const names = columnNames(run.spaces[map.space]);
+    const constant = new Float32Array(run.rows.length); // of a space of one dimension
+    const second = names.length > 1 ? column(run, map.space, y) : constant;
+    source.data = { ...source.data, [`${map.space}_x`]: column(run, map.space, x), [`${map.space}_y`]: second };
+    label(map);
+    mark();
+  }
+
+  function label({ run, space, figure, shown: [x, y] }) {
+    const names = columnNames(data.runs[run].spaces[space]);
+    figure.below[0].axis_label = names[x];
+    figure.left[0].axis_label = names.length > 1 ? names[y] : "";
+  }
+
+  /** What skills can be coloured by: name to a function from runs to their numbers; null for the place. */
+  function colourings() {
+    const found = new Map([[`place in ${data.runs[0].placed}`, null]]);
+    for (const name of Object.keys(data.runs[0].values)) found.set(name, (run) => run.values[name]);
+    for (const [space, { names }] of Object.entries(data.runs[0].spaces)) {
+      names.forEach((name, j) => { found.set(name, (run) => column(run, space, j)); });
+    }
+    return found;
+  }
+
+  function colour(read) {
+    const values = data.runs.map((run) => (read ? read(run) : null));
+    let low = Infinity, high = -Infinity;
+    for (const each of values) for (const value of each ?? []) {
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+    const { colors, bar, palette, sources } = models, span = high > low ? high - low : 1;
+    bar.visible = read !== null;
+    if (read && low <= high) colors.setv({ low, high: low + span });
+    sources.forEach((source, k) => {
+      const shades = source.data.color; // its kind of array says that these are colours
+      values[k]?.forEach((value, i) => { shades[i] = !Number.isNaN(value) ? palette[Math.round(255 * (value - low) / span)] : 0x888888ff; });
+      if (!read) shades.set(data.runs[k].place);
+      source.change.emit();
+    });
+    drawSet();
+  }
+
+  /** Rings and dots above the maps: what is pointed at, its ancestors, what is pinned, and the place that was clicked. */
+  function mark() {
+    for (const map of maps) {
+      const marks = { x: [], y: [], size: [], fill: [], line: [] }, way = { x0: [], y0: [], x1: [], y1: [] };
+      const put = ([x, y], size, inside, line) => append(marks, [x, y, size, inside, line]);
+      state.pins.forEach((pin) => { if (pin.run === map.run) put(placeOn(map, pin.skill), 11, pin.colour, ink.paper); });
+      if (state.place && state.place.map === map) put(state.place.at, 11, ink.expected, ink.ink);
+      if (state.skill >= 0 && state.run === map.run) {
+        const line = [state.skill, ...ancestors(data.runs[state.run], state.skill).chain.slice(0, ANCESTORS)];
+        line.slice(1).forEach((i, k) => { append(way, [...placeOn(map, line[k]), ...placeOn(map, i)]); });
+        line.slice(1).forEach((i) => { put(placeOn(map, i), 6, ink.soft, ink.paper); });
+        put(placeOn(map, state.skill), 15, "rgba(0, 0, 0, 0)", ink.ink);
+      } else if (state.skill >= 0) { // the same outcome in the other run
+        const twin = twinOf(map);
+        if (twin >= 0) put(placeOn(map, twin), 15, "rgba(0, 0, 0, 0)", ink.soft);
+      }
+      fill(map.figure, "marks", marks);
+      fill(map.figure, "way", way);
+    }
+  }
+
+  function twinOf(map) {
+    const from = data.runs[state.run].spaces.truth.table, to = data.runs[map.run].spaces.truth.table;
+    return closest(to, rowOf(from, state.skill), 1)[0]?.skill ?? -1;
+  }
+
+  /** The k rows of a table that are nearest to values, of which NaN do not matter; from column `first` on. */
+  function closest(table, values, k, first = 0) {
+    const found = [], n = table.values.shape[0];
+    for (let i = 0; i < n; i++) {
+      let sum = 0;
+      for (let j = 0; j < values.length; j++) sum += (entry(table, i, first + j) - values[j]) ** 2;
+      if (!Number.isNaN(sum) && (found.length < k || sum < found[found.length - 1].sum)) {
+        const at = found.findIndex((each) => sum < each.sum);
+        found.splice(at < 0 ? found.length : at, 0, { skill: i, sum });
+        found.length = Math.min(found.length, k);
+      }
+    }
+    return found.map(({ skill, sum }) => ({ skill, distance: Math.sqrt(sum) }));
+  }
+
+  /** Those of which a skill is an offspring, as far as they are here, the nearest first; and why there are no more. */
+  function ancestors(run, skill) {
+    run.index ??= new Map(Array.from(run.id, (id, i) => [id, i]));
+    const chain = [];
+    for (let i = skill; ;) {
+      const parent = run.parent[i];
+      if (parent < 0) return { chain, end: run.born[i] < 0 ? "unknown" : "random" };
+      if (!run.index.has(parent) || parent >= run.id[i]) return { chain, end: parent }; // a parent is older
+      i = run.index.get(parent);
+      chain.push(i);
+    }
+  }
+
+  // A skill.
+  const number = (value) => (Number.isInteger(value) ? value.toLocaleString("en") : Number(value).toPrecision(4));
+  const nameOf = (run, i) => `skill ${data.runs[run].rows[i]}${data.runs.length > 1 ? `, ${data.runs[run].name}` : ""}`;
+
+  function show(run, skill, place = null) {
+    Object.assign(state, { run, skill, place });
+    mark();
+    drawSkill();
+    document.dispatchEvent(new CustomEvent("shown", { detail: { run, skill } }));
+  }
+
+  function drawSkill() {
+    if (state.skill < 0) return;
+    const run = data.runs[state.run], { skill, place } = state;
+    $("which").textContent = nameOf(state.run, skill) + (place ? ", the nearest to that place" : "");
+    const expected = place?.decoded ?? (place ? null : reconstruction(run, skill));
+    const observed = rowOf(run.observed, skill);
+    const pinned = state.pins.filter((pin) => pin.run !== state.run || pin.skill !== skill)
+      .map((pin) => ({ text: nameOf(pin.run, pin.skill), of: rowOf(data.runs[pin.run].observed, pin.skill), colour: pin.colour, width: 2 }));
+    const entries = [
+      { text: place ? "observed, nearest skill" : "observed", of: observed, colour: ink.ink, width: 2, dots: true },
+      ...(expected ? [{ text: place ? "expected at that place" : "reconstructed", of: expected, colour: ink.expected, width: 2, dash: "6 4" }] : []),
+    ];
+    const image = run.sight.kind === "image"; // lines are drawn over those before
+    draw($("skill"), models.lines.skill, run, image ? [...entries, ...pinned] : [...pinned, ...entries]);
+    legend(image ? [] : entries);
+    genesOf(run, skill);
+    $("facts").replaceChildren(...factsOf(run, skill).map(([name, value]) => tr(["th", name], ["td", value, "number"])));
+    ancestryOf(run, skill);
+    animate(Number($("step").value));
+  }
+
+  /** Observations as lines or as pictures, in whichever part of the page. */
+  function draw(part, figure, run, entries) {
+    const image = run.sight.kind === "image";
+    part.querySelector(".lines").hidden = image;
+    if (image) {
+      part.querySelector(".pictures").replaceChildren(...entries.map((each) => picture(run, each)));
+      return;
+    }
+    const lines = { xs: [], ys: [], color: [], width: [], alpha: [], dash: [] };
+    const samples = { x: [], y: [], color: [], size: [] };
+    for (const { of, colour: color, width: line = 1, alpha = 1, dash = "solid", dots } of entries) {
+      for (const [xs, ys] of linesOf(run, of)) {
+        append(lines, [xs, ys, color, line, alpha, dash]);
+        if (dots && xs.length <= 120) xs.forEach((x, k) => { append(samples, [x, ys[k], color, 4]); });
+      }
+    }
+    fill(figure, "lines", lines);
+    fill(figure, "samples", samples);
+  }
+
+  /** The lines of an observation, as they are numbers, one after the other: a path, or several over time. */
+  function linesOf({ sight: { kind, shape }, stage }, values) {
+    const [steps, columns] = shape, read = (j) => Array.from({ length: steps }, (_, k) => values[k * columns + j]);
+    if (kind === "path") return [[[...(stage.start ? [stage.start[0]] : []), ...read(0)], [...(stage.start ? [stage.start[1]] : []), ...read(1)]]];
+    const time = Array.from({ length: steps }, (_, k) => k);
+    return Array.from({ length: columns }, (_, j) => [time, read(j)]);
+  }
+
+  function picture({ sight: { shape: [height, width_, channels] }, observed: { low, step } }, { of, text, colour }) {
+    const figure = document.createElement("figure"), canvas = document.createElement("canvas");
+    Object.assign(canvas, { width: width_, height });
+    const context = canvas.getContext("2d"), image = context.createImageData(width_, height);
+    const grey = (value) => 255 * (value - low[0]) / (255 * step[0] || 1);
+    for (let i = 0; i < width_ * height; i++) {
+      const pixel = Array.from({ length: 3 }, (_, k) => grey(of[i * channels + (channels > 1 ? k : 0)]));
+      image.data.set([...pixel, 255], 4 * i);
+    }
+    context.putImageData(image, 0, 0);
+    if (colour) canvas.style.border = `2px solid ${colour}`;
+    figure.append(canvas, text ?? "");
+    return figure;
+  }
+
+  function legend(entries) {
+    $("skill").querySelector(".legend").replaceChildren(...entries.flatMap(({ text, colour: color, dash }) => {
+      const line = document.createElement("i");
+      line.style.color = color;
+      line.className = dash ? "dashed" : "";
+      return [line, text];
+    }));
+  }
+
+  function tr(...cells) {
+    const row = document.createElement("tr");
+    row.append(...cells.map(([kind, text, name = ""]) => {
+      const cell = document.createElement(kind);
+      cell.className = name;
+      cell.append(text);
+      return cell;
+    }));
+    return row;
+  }
+
+  function genesOf(run, skill) {
+    const { names, units, bounds, table } = run.spaces.genes;
+    const body = document.createElement("tbody");
+    body.append(...names.map((name, j) => {
+      const value = entry(table, skill, j), bar = document.createElement("i");
+      bar.style.setProperty("--at", (value - bounds[j][0]) / (bounds[j][1] - bounds[j][0]));
+      return tr(["th", name], ["td", bar, "bar"], ["td", `${number(value)} ${units[j]}`.trim(), "number"]);
+    }));
+    $("genes").replaceChildren(body);
+  }
+
+  function factsOf(run, skill) {
+    const truth = run.spaces.truth;
+    return [
+      ...(truth ? truth.names.slice(0, 6).map((name, j) => [name, number(entry(truth.table, skill, j))]) : []),
+      ...Object.entries(run.values).map(([name, values]) => [name === "born" ? "born at evaluation" : name, number(values[skill])]),
+    ];
+  }
+
+  function ancestryOf(run, skill) {
+    const { chain, end } = ancestors(run, skill), text = $("ancestry");
+    const parts = chain.slice(0, 5).flatMap((i) => [" ← ", button(`skill ${run.rows[i]}`, () => show(state.run, i))]);
+    const more = chain.length > 5 ? ` ← ${chain.length - 5} more` : "";
+    const last = end === "unknown" ? "" : end === "random" ? " ← made at random" : ` ← individual ${end}, which is not in this page`;
+    text.replaceChildren("Parents: this", ...parts, more + last);
+    text.hidden = end === "unknown";
+  }
+
+  function button(text, pressed) {
+    const made = document.createElement("button");
+    made.type = "button";
+    made.textContent = text;
+    made.addEventListener("click", pressed);
+    return made;
+  }
+
+  // What moves.
+  function animate(step) {
+    const run = data.runs[state.run], { stage, sight } = run, figure = models.lines.skill;
+    const moving = state.skill >= 0 && sight.kind === "path";
+    document.querySelector("aside .player").hidden = !moving;
+    if (!moving) return;
+    const k = Math.min(step, sight.shape[0] - 1), at = [0, 1].map((j) => entry(run.observed, state.skill, 2 * k + j));
+    const radius = stage.radius || 0.02 * (stage.high[0] - stage.low[0]);
+    fill(figure, "body", { x: [at[0]], y: [at[1]], radius: [radius] });
+    fill(figure, "arm", stage.arm ? armOf(run, k) : { x: [], y: [] });
+    $("now").textContent = `${k + 1} of ${sight.shape[0]}`;
+  }
+
+  function armOf({ stage: { arm }, spaces: { genes } }, k) {
+    const found = { x: [0], y: [0] };
+    for (let joint = 0, angle = 0; joint < arm.joints; joint++) {
+      angle += arm.first[k] * entry(genes.table, state.skill, joint) + arm.final[k] * entry(genes.table, state.skill, arm.joints + joint);
+      found.x.push(found.x[joint] + arm.link * Math.cos(angle));
+      found.y.push(found.y[joint] + arm.link * Math.sin(angle));
+    }
+    return found;
+  }
+
+  function play() {
+    if (state.playing || state.skill < 0) { stop(); return; }
+    const { sight, stage } = data.runs[state.run], steps = sight.shape[0], slider = $("step");
+    if (sight.kind !== "path") return;
+    const from = Number(slider.value) >= steps - 1 ? 0 : Number(slider.value), began = performance.now();
+    const frame = (now) => {
+      slider.value = Math.min(from + Math.floor((now - began) / 1000 / stage.seconds * steps), steps - 1);
+      animate(Number(slider.value));
+      if (Number(slider.value) < steps - 1) state.playing = requestAnimationFrame(frame); else stop();
+    };
+    state.playing = requestAnimationFrame(frame);
+    $("play").textContent = "❚❚";
+  }
+
+  function stop() {
+    cancelAnimationFrame(state.playing);
+    state.playing = null;
+    $("play").textContent = "▶";
+  }
+
+  // Pins.
+  function pin(run, skill) {
+    const at = state.pins.findIndex((each) => each.run === run && each.skill === skill);
+    if (at >= 0) state.pins.splice(at, 1);
+    else {
+      const free = PINS.find((colour_) => state.pins.every((each) => each.colour !== colour_));
+      if (!free) { say(`${PINS.length} skills are pinned: take one away first`); return; }
+      state.pins.push({ run, skill, colour: free });
+    }
+    $("pins").replaceChildren(...state.pins.map((each) => {
+      const made = button(`${nameOf(each.run, each.skill)} ✕`, () => pin(each.run, each.skill));
+      made.style.setProperty("--pin", each.colour);
+      made.addEventListener("mouseenter", () => show(each.run, each.skill));
+      const item = document.createElement("li");
+      item.append(made);
+      return item;
+    }));
+    show(run, skill);
+  }
+
+  // Sets.
+  function choose(run) {
+    const indices = [...models.sources[run].selected.indices];
+    state.set = indices.length ? { run, indices } : null;
+    drawSet();
+  }
+
+  const css = (color) => `#${(color >>> 8).toString(16).padStart(6, "0")}`;
+
+  function drawSet() {
+    $("together").hidden = !state.set;
+    $("many").textContent = "Drag a lasso around skills to see them together";
+    if (!state.set) return;
+    const { run: k, indices } = state.set, run = data.runs[k], shades = models.sources[k].data.color;
+    const most = run.sight.kind === "image" ? PICTURES : LINES;
+    const some = indices.filter((_, n) => indices.length <= most || Math.floor(n * most / indices.length) !== Math.floor((n - 1) * most / indices.length));
+    $("many").textContent = `${indices.length.toLocaleString("en")} skills selected${some.length < indices.length ? `, ${some.length} shown` : ""}`;
+    draw($("set"), models.lines.set, run, some.map((i) => ({ of: rowOf(run.observed, i), colour: css(shades[i]), width: 1.2, alpha: 0.6 })));
+    if (run.sight.kind !== "image") fit(models.lines.set);
+    $("code").textContent = python();
+  }
+
+  function python() {
+    const { run, indices } = state.set, { code, id } = data.runs[run];
+    const ids = indices.map((i) => id[i]).join(", ");
+    return `import numpy as np, auroraqd; skills = ${code}; rows = np.flatnonzero(np.isin(skills.id, [${ids}]))`;
+  }
+
+  /** The skills of the set as objects of their numbers. */
+  function records() {
+    const { run: k, indices } = state.set, run = data.runs[k];
+    return indices.map((i) => ({
+      row: run.rows[i], id: run.id[i], parent: run.parent[i], born: run.born[i],
+      ...Object.fromEntries(Object.entries(run.values).filter(([name]) => name !== "born").map(([name, values]) => [name, values[i]])),
+      ...Object.fromEntries(Object.values(run.spaces).flatMap(({ names, table }) => names.map((name, j) => [name, entry(table, i, j)]))),
+    }));
+  }
+
+  function save(kind) {
+    const rows = records(), quoted = (text) => `"${String(text).replaceAll('"', '""')}"`;
+    const run = data.runs[state.set.run];
+    const text = kind === "csv"
+      ? [Object.keys(rows[0]).map(quoted), ...rows.map((row) => Object.values(row))].map((line) => `${line.join(",")}\n`).join("")
+      : JSON.stringify({ run: run.name, python: python(), observation_shape: run.sight.shape,
+        skills: rows.map((row, n) => ({ ...row, observation: [...rowOf(run.observed, state.set.indices[n])] })) });
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([text], { type: kind === "csv" ? "text/csv" : "application/json" }));
+    link.download = `skills.${kind}`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  }
+
+  // Seeking.
+  function seek(text) {
+    const values = (text.match(/[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?/gi) ?? []).map(Number);
+    const run = data.runs[state.run], word = text.trim().toLowerCase();
+    if (!values.length) { say("Say where: two numbers, like “ends near (0.3, 0.2)”; or “skill 17”, or “id 17”."); return; }
+    if (word.startsWith("skill") || word.startsWith("id")) {
+      const i = run[word.startsWith("id") ? "id" : "rows"].indexOf(values[0]);
+      if (i < 0) say(`There is no ${word.startsWith("id") ? "id" : "skill"} ${values[0]} in this page.`);
+      else { say(""); show(state.run, i); }
+      return;
+    }
+    const path = run.sight.kind === "path" && !word.startsWith("truth"), truth = run.spaces.truth;
+    if (!path && !truth) { say("There is no ground truth to look in: seek “skill 17” or “id 17”."); return; }
+    const table = path ? run.observed : truth.table, wanted = values.slice(0, path ? 2 : width(table));
+    const found = closest(table, wanted, FOUND, path ? width(table) - 2 : 0);
+    if (wanted.length < 2 && path) { say("Two numbers are needed, like “ends near (0.3, 0.2)”."); return; }
+    models.sources[state.run].selected.indices = found.map(({ skill }) => skill);
+    show(state.run, found[0].skill);
+    say(`The ${found.length} nearest are selected; the nearest, ${nameOf(state.run, found[0].skill)}, is ${number(found[0].distance)} away.`);
+  }
+
+  const say = (text) => { $("said").textContent = text; };
+
+  // Keys.
+  function walk(map, key) {
+    const [right, up] = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[key];
+    if (state.skill < 0 || state.run !== map.run) {
+      const { x_range, y_range } = map.figure;
+      return nearest(map, (x_range.start + x_range.end) / 2, (y_range.start + y_range.end) / 2).skill;
+    }
+    const ahead = (dx, dy) => { const forward = dx * right + dy * up; return forward > 0.5 && forward >= Math.abs(dx * up + dy * right); };
+    return nearest(map, ...placeOn(map, state.skill), ahead).skill;
+  }
+
+  function key(event) {
+    const typing = /INPUT|SELECT|TEXTAREA/.test(event.target.tagName), map = maps.find(({ element }) => element.contains(event.target));
+    if (event.key === "/" && !typing) $("wanted").focus();
+    else if (event.key === "Escape") models.sources.forEach((source) => { source.selected.indices = []; });
+    else if (typing || !map) return;
+    else if (event.key.startsWith("Arrow")) { const skill = walk(map, event.key); if (skill >= 0) show(map.run, skill); }
+    else if (event.key === "Enter" && state.skill >= 0) pin(state.run, state.skill);
+    else if (event.key === " ") play();
+    else return;
+    event.preventDefault();
+  }
+
+  // Looks.
+  function dress() {
+    const style = getComputedStyle(document.documentElement);
+    ink = Object.fromEntries(["ink", "soft", "line", "paper", "expected"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    const figures = [...maps.map(({ figure }) => figure), ...Object.values(models.lines)];
+    for (const figure of figures) {
+      for (const part of [...figure.left, ...figure.below]) {
+        part.setv({ major_label_text_color: ink.soft });
+        if ("axis_label" in part) part.setv({ axis_label_text_color: ink.soft, axis_line_color: ink.line, major_tick_line_color: ink.line, minor_tick_line_color: null, axis_label_text_font_style: "normal" });
+      }
+      for (const grid of figure.center) grid.setv({ grid_line_color: ink.line, grid_line_alpha: 0.6 });
+      for (const [name, properties] of [["way", { line_color: ink.soft }], ["arm", { line_color: ink.soft }], ["border", { line_color: ink.soft }], ["body", { fill_color: ink.expected, line_color: ink.ink }]]) {
+        rendererOf(figure, name)?.glyph.setv(properties);
+      }
+    }
+    mark();
+    drawSkill();
+  }
+
+  /** Make a figure of paths show all of its stage; with equal units, unless that is far wider than high. */
+  function fit(figure) {
+    const { stage } = data.runs[0], { inner_width, inner_height } = figure;
+    if (!stage || !(inner_width > 0)) return;
+    const [low, high] = [union("low", Math.min), union("high", Math.max)];
+    const size = [0, 1].map((k) => (high[k] - low[k] || 1) * 1.04), pixels = [inner_width, inner_height];
+    if (stage.equal) { const unit = Math.max(size[0] / pixels[0], size[1] / pixels[1]); size.forEach((_, k) => { size[k] = unit * pixels[k]; }); }
+    [figure.x_range, figure.y_range].forEach((range, k) => {
+      const middle = (low[k] + high[k]) / 2;
+      range.setv({ start: middle - size[k] / 2, end: middle + size[k] / 2 });
+    });
+  }
+
+  /** What does not move: walls, or the ground. */
+  function border(figure) {
+    const { stage } = data.runs[0], [left, bottom] = stage?.low ?? [], [right, top] = stage?.high ?? [];
+    if (stage?.walls) fill(figure, "border", { x: [left, right, right, left, left], y: [bottom, bottom, top, top, bottom] });
+    if (stage?.ground) fill(figure, "border", { x: [left, right], y: [0, 0] });
+    [[figure.below[0], 0], [figure.left[0], 1]].forEach(([axis, k]) => { axis.axis_label = stage?.labels[k] ?? ""; });
+  }
+
+  const union = (end, of) => [0, 1].map((k) => of(...data.runs.map(({ stage }) => stage[end][k])));
+
+  function options(select, names, chosen, changed) {
+    select.replaceChildren(...names.map((name, value) => new Option(name, value, false, value === chosen)));
+    select.addEventListener("change", () => changed(Number(select.value)));
+  }
+
+  function describe() {
+    const [run] = data.runs, several = data.runs.length > 1;
+    $("title").textContent = several ? `${data.runs.length} runs` : run.name;
+    const shown = (each) => (each.rows.length < each.total
+      ? `${each.rows.length.toLocaleString("en")} of ${each.total.toLocaleString("en")} skills, drawn at random: the rest would make the page too large`
+      : `${each.total.toLocaleString("en")} skills`);
+    $("about").textContent = several
+      ? data.runs.map((each) => `${each.name}: ${shown(each)}`).join(" · ")
+      : [shown(run), ...run.facts.map(([name, value]) => `${name} ${value}`)].join(" · ");
+    $("wanted").placeholder = run.sight.kind === "path" ? "ends near (x, y); skill 17" : run.spaces.truth ? "truth near (a, b); skill 17" : "skill 17; id 17";
+  }
+
+  function listen() {
+    const choices = colourings(), names = [...choices.keys()];
+    options($("colour"), names, 0, (k) => colour(choices.get(names[k])));
+    for (const map of maps) {
+      const space = data.runs[map.run].spaces[map.space], titles = columnNames(space), [title, ...selects] = map.element.querySelector("figcaption").children;
+      title.textContent = data.runs.length > 1 ? data.runs[map.run].name : space.title;
+      selects.forEach((select, k) => {
+        select.hidden = titles.length < 3;
+        options(select, titles, map.shown[k], (j) => { map.shown[k] = j; setAxes(map); });
+      });
+    }
+    models.sources.forEach((source, run) => { source.selected.properties.indices.change.connect(() => choose(run)); });
+    Object.values(models.lines).forEach((figure) => {
+      for (const side of ["inner_width", "inner_height"]) figure.properties[side].change.connect(() => fit(figure));
+    });
+    $("search").addEventListener("submit", (event) => { event.preventDefault(); seek($("wanted").value); });
+    $("csv").addEventListener("click", () => save("csv"));
+    $("json").addEventListener("click", () => save("json"));
+    $("copy").addEventListener("click", () => navigator.clipboard?.writeText(python()).then(() => say("Copied."), () => say(python())));
+    $("clear").addEventListener("click", () => { models.sources.forEach((source) => { source.selected.indices = []; }); });
+    $("play").addEventListener("click", play);
+    $("step").addEventListener("input", () => { stop(); animate(Number($("step").value)); });
+    $("theme").addEventListener("click", () => theme(document.documentElement.dataset.theme !== "dark"));
+    document.addEventListener("keydown", key);
+  }
+
+  function theme(dark) {
+    document.documentElement.dataset.theme = dark ? "dark" : "light";
+    if (models) dress();
+  }
+
+  function start(givenModels, givenData) {
+    [models, data] = [givenModels, givenData];
+    const elements = document.querySelectorAll(".map");
+    maps = models.maps.map((map, k) => ({ ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown] }));
+    describe();
+    dress();
+    maps.forEach(label);
+    listen();
+    if (matchMedia("(pointer: coarse)").matches) maps.forEach(({ figure }) => { figure.toolbar.active_drag = null; }); // or one could not scroll
+    $("set").classList.toggle("equal", Boolean(data.runs[0].stage?.equal));
+    $("step").max = data.runs[0].sight.shape[0] - 1;
+    $("step").value = $("step").max;
+    Object.values(models.lines).forEach((figure) => { border(figure); fit(figure); });
+    drawSet();
+    show(0, data.runs[0].first);
+    document.documentElement.dataset.ready = Math.round(performance.now());
+  }
+
+  const named = (name) => maps.find(({ figure }) => figure.name === name);
+
+  function move(name, { x, y }) {
+    if (!maps) return;
+    const map = named(name), { skill } = nearest(map, x, y);
+    if (skill >= 0 && (skill !== state.skill || map.run !== state.run || state.place)) show(map.run, skill);
+  }
+
+  function tap(name, { x, y }) {
+    const map = named(name), { skill, distance } = nearest(map, x, y);
+    if (skill < 0) return;
+    if (distance <= NEAR) { pin(map.run, skill); return; }
+    show(map.run, skill, { map, at: [x, y], decoded: imagined(map, skill, x, y) });
+  }
+
+  /** What is expected at a place of a map of descriptors; where these have more dimensions, on from the nearest skill. */
+  function imagined(map, skill, x, y) {
+    const run = data.runs[map.run], { names, table, directions } = run.spaces.descriptor;
+    if (map.space !== "descriptor" || !run.decoder) return null;
+    const from = placeOn(map, skill), place = rowOf(table, skill);
+    [x, y].slice(0, names.length).forEach((value, axis) => {
+      const j = map.shown[axis];
+      if (j < names.length) place[j] += value - from[axis];
+      else directions[j - names.length].forEach((share, k) => { place[k] += share * (value - from[axis]); });
+    });
+    return decoded(run, place);
+  }
+
+  theme(matchMedia("(prefers-color-scheme: dark)").matches);
+  return { start, move, tap, state, data: () => data };
+})();

@@ -1,0 +1,249 @@
+"""What a page holds of a run: plain values and arrays, by which the browser shows and exports its skills."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sklearn.neighbors import NearestNeighbors
+
+from auroraqd.aurora import Aurora
+from auroraqd.descriptors.descriptor import Descriptor
+from auroraqd.history import History
+from auroraqd.provenance import called, task_in
+from auroraqd.repertoire import Repertoire
+from auroraqd.report.explorer.decoders import decoder
+from auroraqd.report.explorer.places import genes_of, stage_of, truth_names
+from auroraqd.report.explorer.sights import Sight
+from auroraqd.report.explorer.tables import back, single, table, wholes
+from auroraqd.runs import folders
+from auroraqd.runs.state import settings_of
+
+_NEIGHBOURS = 15
+_BYTES = 7_000_000  # of what is observed, in a page
+
+
+@dataclass(frozen=True)
+class Source:
+    """A run to show.
+
+    Args:
+        repertoire: its skills.
+        name: of the run.
+        code: Python that loads the skills.
+    """
+
+    repertoire: Repertoire
+    name: str
+    code: str
+
+
+def source_of(run: Any) -> Source:
+    """The source of a run folder, of a run, or of a repertoire.
+
+    Raises:
+        TypeError: it is something else.
+        FileNotFoundError, ValueError: see `auroraqd.load`; or a run has found nothing.
+    """
+    if isinstance(run, Repertoire):
+        return Source(run, "repertoire", "repertoire")
+    if isinstance(run, Aurora):
+        name = f"run of seed {run.seed}"
+        check_any(name, len(run.archive))
+        columns = {column: rows.copy() for column, rows in run.archive.columns.items()}
+        return Source(Repertoire(columns, _Live(run)), name, "aurora.archive")
+    if not isinstance(run, str | os.PathLike):
+        raise TypeError(f"run must be a run folder, an auroraqd.Aurora or an auroraqd.Repertoire, got {type(run).__name__}")
+    path = Path(run)
+    return Source(folders.load(path), path.name or str(path.absolute().name), f"auroraqd.load({os.fspath(path)!r})")
+
+
+def check_any(name: str, skills: int) -> None:
+    """Raise ValueError unless there are skills."""
+    if skills == 0:
+        raise ValueError(f"{name} is empty, nothing was stored in its run: there is no skill to explore")
+
+
+@dataclass(frozen=True)
+class _Live:
+    """The origin of the skills of a run in this process."""
+
+    aurora: Aurora
+
+    def descriptor(self) -> Descriptor:
+        return self.aurora.descriptor
+
+    def seed(self) -> int:
+        return self.aurora.seed
+
+    def config(self) -> dict[str, Any]:
+        return {**settings_of(self.aurora), "provenance": {"task": self.aurora._task}}
+
+    def history(self) -> History:
+        return self.aurora.history
+
+
+def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
+    """What the page holds of a run, as values that become JSON, and arrays.
+
+    Args:
+        source: of the run, with a skill at least.
+        most: skills; of more, as many at random are shown.
+        share: of the bytes of a page that are for this run.
+    """
+    repertoire, config = source.repertoire, _config(source.repertoire)
+    sight = Sight.of(repertoire.observation.shape[1:], repertoire.observation.dtype)
+    decode = _decode(repertoire, sight)
+    whole = decoder(decode, repertoire.descriptor) if decode else None
+    affine = whole is not None and whole["kind"] == "affine"
+    bytes_each = sight.features * ((1 if sight.kind == "image" else 2) + (0 if affine or decode is None else 1))
+    rows = _some(len(repertoire), min(most, max(int(share * _BYTES / bytes_each), 1)))
+    observed = table(sight.seen(repertoire.observation[rows]), np.uint8 if sight.kind == "image" else None)
+    if sight.kind == "image":  # or each pixel would have its own scale
+        observed = _one_scale(sight.seen(repertoire.observation[rows]))
+    differences = None
+    if decode and not affine:
+        differences = table(decode(repertoire.descriptor[rows]) - back(observed), np.int8)
+    spaces = _spaces(repertoire, config, rows)
+    placed, places = _place(spaces)
+    return {
+        "name": source.name,
+        "code": source.code,
+        "total": len(repertoire),
+        "first": _middle(repertoire.descriptor[rows]),
+        "rows": wholes(rows),
+        "id": wholes(repertoire.id[rows]),
+        "parent": wholes(repertoire.parent[rows]),
+        "born": wholes(repertoire.born[rows]),
+        "spaces": spaces,
+        "values": _values(repertoire, rows),
+        "placed": placed,
+        "places": places,
+        "sight": {"kind": sight.kind, "shape": list(sight.shape), "given": list(sight.given)},
+        "observed": observed,
+        "decoder": whole,
+        "differences": differences,
+        "stage": stage_of(config, repertoire, sight),
+        "facts": _facts(repertoire, config),
+    }
+
+
+def _config(repertoire: Repertoire) -> Mapping[str, Any]:
+    """The settings of its run, if they are to be had: skills can be looked at without."""
+    with suppress(OSError, ValueError):
+        return repertoire.config
+    return {}
+
+
+def _some(n: int, most: int) -> np.ndarray:
+    """Rows of `most` of n, at random, in their order."""
+    return np.sort(np.random.default_rng(0).permutation(n)[:most])
+
+
+def _middle(descriptor: np.ndarray) -> int:
+    """The skill to begin with: one of the usual."""
+    return int(np.argmin(np.abs(descriptor - descriptor.mean(axis=0)).sum(axis=1)))
+
+
+def _decode(repertoire: Repertoire, sight: Sight) -> Any:
+    """From descriptors to what is seen there; None where the descriptor cannot reconstruct, or not here."""
+
+    def decode(places: np.ndarray) -> np.ndarray:
+        return sight.seen(repertoire.reconstruct(places))
+
+    try:
+        return decode if np.isfinite(decode(repertoire.descriptor[:1])).all() else None
+    except (RuntimeError, ValueError):
+        return None
+
+
+def _one_scale(pixels: np.ndarray) -> dict[str, Any]:
+    flat = table(pixels.reshape(-1, 1), np.uint8)
+    columns = pixels.shape[1]
+    return {"values": flat["values"].reshape(pixels.shape), "low": flat["low"] * columns, "step": flat["step"] * columns}
+
+
+def _spaces(repertoire: Repertoire, config: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:
+    """The spaces in which skills are points: names of their columns, and which two are shown first."""
+    descriptor, truth, genes = repertoire.descriptor, repertoire.ground_truth, genes_of(config, repertoire.genotype.shape[1])
+    spaces = {"descriptor": _space("Descriptor space", descriptor, rows, _numbered("descriptor", descriptor))}
+    if truth is not None:
+        flat = truth.reshape(len(truth), -1).astype(np.float64)
+        spaces["truth"] = _space("Ground truth", flat, rows, truth_names(config, flat.shape[1]))
+    values = repertoire.genotype if genes is None else genes.scale(repertoire.genotype)
+    names = _numbered("gene", values) if genes is None else genes.names
+    spaces["genes"] = _space("Genes", values, rows, names) | {
+        "units": [""] * len(names) if genes is None else genes.units,
+        "bounds": [[0, 1]] * len(names) if genes is None else genes.bounds.tolist(),
+    }
+    return spaces
+
+
+def _numbered(name: str, values: np.ndarray) -> list[str]:
+    return [f"{name} {column + 1}" for column in range(values.shape[1])]
+
+
+def _space(title: str, values: np.ndarray, rows: np.ndarray, names: list[str]) -> dict[str, Any]:
+    space = {"title": title, "names": names, "table": table(values[rows]), "main": None, "shown": [0, min(1, len(names) - 1)]}
+    if len(names) > 2 and np.isfinite(values).all() and np.ptp(values, axis=0).any():
+        directions = _main_directions(values)
+        space["main"] = single((values[rows] - values.mean(axis=0)) @ directions.T)
+        space["shown"] = [len(names), len(names) + 1]
+        space["directions"] = directions.tolist()
+    return space
+
+
+def _main_directions(values: np.ndarray) -> np.ndarray:
+    """The two directions in which values, (n, columns), vary most, (2, columns)."""
+    _, directions = np.linalg.eigh(np.cov(values, rowvar=False))
+    return directions[:, :-3:-1].T
+
+
+def _values(repertoire: Repertoire, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Numbers of skills by name; those that are the same for all are left out."""
+    found = {
+        "fitness": repertoire.fitness[rows],
+        "novelty": _novelty(repertoire.descriptor, rows),
+        "curiosity": repertoire.curiosity[rows],
+        "born": repertoire.born[rows],
+        "reconstruction error": None if repertoire.reconstruction_error is None else repertoire.reconstruction_error[rows],
+    }
+    kept = {name: values for name, values in found.items() if values is not None and len(values)}
+    return {name: single(values) for name, values in kept.items() if np.ptp(values) > 0}
+
+
+def _novelty(descriptor: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Mean distance to the nearest others."""
+    k = min(_NEIGHBOURS, len(descriptor) - 1)
+    if k == 0:
+        return np.zeros(len(rows))
+    with np.errstate(all="ignore"):  # squares of the largest numbers are infinite
+        distance, _ = NearestNeighbors(n_neighbors=k + 1).fit(descriptor).kneighbors(descriptor[rows])
+    return distance[:, 1:].mean(axis=1)  # the first is itself, or a copy
+
+
+def _place(spaces: Mapping[str, Any]) -> tuple[str, np.ndarray]:
+    """The space whose places give skills their colours, and these places, (n, 2)."""
+    truth, descriptor = spaces.get("truth"), spaces["descriptor"]
+    if truth is not None and len(truth["names"]) > 1:
+        return "ground truth", back(truth["table"])[:, :2]
+    places = back(descriptor["table"])[:, :2] if descriptor["main"] is None else descriptor["main"]
+    return "descriptor space", np.column_stack([places, places])[:, :2]
+
+
+def _facts(repertoire: Repertoire, config: Mapping[str, Any]) -> list[list[str]]:
+    """What there is to say of the run, names and values."""
+    task = config.get("task") or (called(found) if (found := task_in(config)) else None)
+    facts = [["task", task], ["descriptor", config.get("descriptor")], ["seed", config.get("seed")]]
+    with suppress(OSError, ValueError):
+        last = repertoire.history.last
+        if last is not None:
+            facts += [["generations", f"{last.generation:,}"], ["evaluations", f"{last.evaluations:,}"]]
+            facts += [["RMSE", f"{last.rmse:.4f}"]] if last.rmse == last.rmse else []
+            facts += [["time", f"{last.seconds:.1f} s"]] if last.seconds == last.seconds else []
+    return [[name, str(value)] for name, value in facts if value is not None]

@@ -1,0 +1,423 @@
+"""The explorer: what is in a page, and what the page does in a browser, where there is one."""
+
+import csv
+import io
+import json
+import shutil
+import sys
+import time
+
+import commands
+import numpy as np
+import pytest
+from sklearn.decomposition import PCA
+
+import auroraqd
+from auroraqd.report import explore
+from auroraqd.report.explorer.decoders import decoder
+from auroraqd.report.explorer.places import genes_of, stage_of
+from auroraqd.report.explorer.runs import content, source_of
+from auroraqd.report.explorer.sights import Sight
+from auroraqd.report.explorer.tables import back, table, wholes
+from auroraqd.tasks import air_hockey
+
+EVIL = "</script><script>window.hacked = true</script>"
+WAIT = 60  # seconds, on a machine that has much else to do
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A run of the arm and the puck."""
+    task = auroraqd.tasks.AirHockey()
+    aurora = auroraqd.Aurora(8, PCA(2), seed=0, batch_size=100).run(task, generations=6)
+    return auroraqd.save(aurora, tmp_path_factory.mktemp("explorer") / "hockey")
+
+
+def found(task, descriptor, n_genes=2, generations=2, **options):
+    return auroraqd.Aurora(n_genes, descriptor, seed=0, batch_size=30, **options).run(task, generations=generations)
+
+
+@pytest.mark.parametrize("columns", [3, 40])
+def test_tables_keep_numbers(columns):
+    rows = np.random.default_rng(0).normal(3, 5, (50, columns))
+    rows[:, 1] = 7.0
+    kept = table(rows)
+    assert kept["values"].nbytes == rows.size * (4 if columns < 33 else 2)
+    np.testing.assert_allclose(back(kept), rows, atol=np.ptp(rows) / 60_000)
+    np.testing.assert_allclose(back(table(rows - 3, np.int8)), rows - 3, atol=np.abs(rows).max() / 200)
+
+
+def test_tables_of_what_is_not_finite_or_not_there():
+    rows = np.full((2, 40), np.nan)
+    np.testing.assert_array_equal(back(table(rows)), rows)
+    assert back(table(np.empty((0, 40)))).shape == (0, 40)
+    assert wholes(np.array([2**40])).dtype == np.float64
+    assert wholes(np.array([2**30])).dtype == np.int32
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype", "kind", "shown"),
+    [
+        ((50, 2), float, "path", (50, 2)),
+        ((50, 3), float, "series", (50, 3)),
+        ((5,), float, "series", (5, 1)),
+        ((1, 2), float, "series", (1, 2)),
+        ((64, 64, 3), np.uint8, "image", (32, 32, 3)),
+        ((33, 20), np.uint8, "image", (17, 10, 1)),
+        ((20, 30), float, "image", (20, 30, 1)),
+        ((2, 3, 4, 5), float, "series", (120, 1)),
+        ((10, 10, 7), float, "series", (700, 1)),
+    ],
+)
+def test_sights_of_observations(shape, dtype, kind, shown):
+    sight = Sight.of(shape, dtype)
+    assert (sight.kind, sight.shape) == (kind, shown)
+    observation = np.random.default_rng(0).uniform(0, 200, (3, *shape)).astype(dtype)
+    assert sight.seen(observation).shape == (3, sight.features)
+    if sight.factor == 1:
+        np.testing.assert_array_equal(sight.seen(observation), observation.reshape(3, -1))
+
+
+def test_a_pixel_is_the_mean_of_what_it_stands_for():
+    image = np.arange(64 * 64 * 3, dtype=np.uint16).reshape(1, 64, 64, 3)
+    seen = Sight.of((64, 64, 3), np.uint8).seen(image).reshape(32, 32, 3)
+    assert seen[4, 5, 1] == image[0, 8:10, 10:12, 1].mean()
+
+
+def test_an_affine_decoder_is_exact_and_others_are_sampled():
+    places = np.random.default_rng(0).normal(size=(100, 3))
+    slopes = np.arange(12.0).reshape(3, 4)
+    kept = decoder(lambda z: z @ slopes + 1, places)
+    assert kept["kind"] == "affine"
+    np.testing.assert_allclose(kept["matrix"][1:], slopes, atol=1e-6)
+    assert decoder(lambda z: np.sin(9 * z), places) is None  # a grid in three dimensions would be large
+    assert decoder(lambda z: np.sin(9 * z), places[:, :2])["kind"] == "grid"
+    assert decoder(lambda z: np.sin(9 * z), np.zeros((1, 1)))["kind"] == "grid"
+
+
+def test_the_arm_is_that_of_the_task(folder):
+    repertoire = auroraqd.load(folder)
+    config = {"task": "air-hockey"}
+    arm = stage_of(config, repertoire, Sight.of((50, 2), float))["arm"]
+    genes = genes_of(config, 8).scale(repertoire.genotype[:9])
+    angles = np.cumsum(
+        genes[:, None, :4] * np.array(arm["first"])[:, None] + genes[:, None, 4:] * np.array(arm["final"])[:, None], 2
+    )
+    tips = arm["link"] * np.stack([np.cos(angles), np.sin(angles)], axis=3).sum(axis=2)
+    np.testing.assert_allclose(tips, air_hockey.joints(repertoire.genotype[:9])[:, :, -1], atol=1e-12)
+
+
+def test_many_skills_are_thinned_and_large_observations_too(folder):
+    source = source_of(folder)
+    some = content(source, 20)
+    assert len(some["rows"]) == 20 < some["total"] == len(source.repertoire)
+    np.testing.assert_array_equal(some["id"], source.repertoire.id[some["rows"]])
+    pictures = found(lambda g: np.repeat(g[:, :1], 3072, axis=1).reshape(-1, 32, 32, 3), "genotype")
+    assert len(content(source_of(pictures), 1000, share=0.01)["rows"]) == 7_000_000 // 100 // 3072
+
+
+def test_a_run_a_repertoire_and_a_folder_give_the_same_skills(folder):
+    aurora = auroraqd.resume(folder)
+    contents = [content(source_of(run), 1000) for run in (folder, aurora, auroraqd.load(folder))]
+    for other in contents[1:]:
+        np.testing.assert_array_equal(other["id"], contents[0]["id"])
+        np.testing.assert_array_equal(other["observed"]["values"], contents[0]["observed"]["values"])
+        np.testing.assert_array_equal(other["decoder"]["matrix"], contents[0]["decoder"]["matrix"])
+
+
+def test_what_cannot_be_explored_is_said(folder, tmp_path):
+    empty = auroraqd.save(auroraqd.Aurora(2, "genotype"), tmp_path / "empty")
+    with pytest.raises(ValueError, match="empty is empty, nothing was stored in its run: there is no skill to explore"):
+        explore(empty, tmp_path / "x.html")
+    with pytest.raises(ValueError, match="run of seed 0 is empty"):
+        explore(auroraqd.Aurora(2, "genotype", seed=0), tmp_path / "x.html")
+    with pytest.raises(IsADirectoryError, match="must be a file, and is a folder"):
+        explore(folder, tmp_path)
+    with pytest.raises(ValueError, match="several are compared by their ground truth, and run of seed 0 has none"):
+        explore([folder, found(lambda g: g, "genotype")], tmp_path / "x.html")
+    with pytest.raises(ValueError, match=r"and run of seed 0 has \(3,\)"):
+        explore([folder, found(lambda g: (g[:, 0], g, np.repeat(g[:, :1], 3, axis=1)), "genotype")], tmp_path / "x.html")
+    with pytest.raises(FileNotFoundError, match="there is no folder"):
+        explore(tmp_path / "none", tmp_path / "x.html")
+    with pytest.raises(TypeError, match=r"run must be a run folder, an auroraqd\.Aurora or an auroraqd\.Repertoire, got int"):
+        explore(3, tmp_path / "x.html")
+    with pytest.raises(ValueError, match="run must be one, or from 1 to 12 of them, got 0"):
+        explore([], tmp_path / "x.html")
+    assert not (tmp_path / "x.html").exists()
+
+
+def test_without_bokeh(folder, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "bokeh.embed", None)
+    with pytest.raises(ValueError, match=r'Bokeh is not installed: pip install "auroraqd\[explore\]"'):
+        explore(folder, tmp_path / "x.html")
+
+
+def test_the_command(folder, tmp_path):
+    done = commands.cli("explore", folder, folder, "--out", tmp_path / "two.html")
+    assert done.returncode == 0, done.stderr
+    assert "open it in a browser" in done.stdout
+    assert (tmp_path / "two.html").stat().st_size < 15e6
+    again = commands.cli("explore", folder, "--out", tmp_path / "two.html")
+    assert again.returncode == 1
+    assert "exists: choose another file with --out" in again.stderr
+
+
+ODD = {
+    "one skill": lambda: found(lambda g: np.ones((len(g), 4, 2)), "genotype", resolution=auroraqd.Fixed(10.0)),
+    "one dimension": lambda: found(lambda g: (g[:, 0], g), PCA(1)),
+    "ten dimensions": lambda: found(lambda g: (g[:, 0], g, g[:, 0]), PCA(10), n_genes=12),
+    "no inverse": lambda: found(lambda g: (g[:, 0], g), "genotype"),
+    "unknown truth": lambda: found(lambda g: (g[:, 0], g, np.where(g > 0.5, np.nan, g)), "genotype"),
+    "huge": lambda: found(lambda g: (1e300 * g[:, 0], 1e300 * g), "genotype"),
+    "four axes": lambda: found(lambda g: np.tile(g[:, :, None, None], (1, 1, 3, 4)), "genotype"),
+    "image": lambda: found(lambda g: (255 * np.tile(g[:, :, None], (1, 20, 40))).astype(np.uint8), PCA(2)),
+    "encoder": lambda: found(lambda g: np.tile(g[:, None], (1, 30, 1)), auroraqd.AutoEncoder(2)),
+}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Headless Chromium, of Debian's packages for instance."""
+    webdriver = pytest.importorskip("selenium.webdriver")
+    program, driver = shutil.which("chromium") or shutil.which("google-chrome"), shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("there is no chromium with chromedriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    for argument in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--enable-unsafe-swiftshader",
+        "--window-size=1440,1000",
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    started = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    started.set_script_timeout(WAIT)
+    yield Page(started)
+    started.quit()
+
+
+class Page:
+    """A page in a browser."""
+
+    def __init__(self, driver):
+        self.driver = driver
+
+    def open(self, path):
+        self.driver.get_log("browser")
+        self.driver.get(path.absolute().as_uri())
+        self.until("return document.documentElement.dataset.ready")
+
+    def js(self, code, *arguments):
+        return self.driver.execute_script(code, *arguments)
+
+    def until(self, code):
+        """What is returned, once it is true."""
+        end = time.monotonic() + WAIT
+        while not (value := self.js(code)):
+            assert time.monotonic() < end, code
+            time.sleep(0.05)
+        return value
+
+    def text(self, name):
+        return self.js("return document.getElementById(arguments[0]).textContent", name)
+
+    def place(self, plot, x, y):
+        """Where data are in the window, (x, y) of a map."""
+        self.js("document.querySelectorAll('.map .plot')[arguments[0]].scrollIntoView({block: 'center'})", plot)
+        return self.js(
+            """const [k, x, y] = arguments, figure = Bokeh.documents[0].roots()[k];
+            const box = document.querySelectorAll('.map .plot')[k].getBoundingClientRect();
+            const { frame } = Bokeh.index.find_one(figure);
+            return [box.left + frame.x_scale.compute(x), box.top + frame.y_scale.compute(y)];""",
+            plot, x, y,
+        )  # fmt: skip
+
+    def mouse(self, kind, place, **options):
+        event = {"type": kind, "x": place[0], "y": place[1], **options}
+        self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+    def click(self, place):
+        self.mouse("mouseMoved", place)
+        for kind in ("mousePressed", "mouseReleased"):
+            self.mouse(kind, place, button="left", clickCount=1)
+
+    def lasso(self, corners):
+        self.mouse("mouseMoved", corners[0])
+        self.mouse("mousePressed", corners[0], button="left", clickCount=1)
+        for one, other in zip(corners, [*corners[1:], corners[0]], strict=True):
+            for share in np.linspace(0.1, 1, 10):
+                place = [a + share * (b - a) for a, b in zip(one, other, strict=True)]
+                self.mouse("mouseMoved", place, button="left", buttons=1)
+        self.mouse("mouseReleased", corners[0], button="left", clickCount=1)
+
+    def saved(self, button):
+        """What a button saves."""
+        self.js("window.blob = null; URL.createObjectURL = (blob) => { window.blob = blob; return '#'; };")
+        self.js("document.getElementById(arguments[0]).click()", button)
+        return self.driver.execute_async_script("window.blob.text().then(arguments[0])")
+
+    def troubles(self):
+        """What went wrong, and what was asked of the network."""
+        entries = self.driver.get_log("browser")
+        said = [entry["message"] for entry in entries if entry["level"] != "INFO" and entry["source"] != "rendering"]
+        return said + self.js(
+            "return performance.getEntriesByType('resource').map((e) => e.name).filter((n) => !/^(data|blob):/.test(n))"
+        )
+
+
+@pytest.fixture(scope="module")
+def page(folder, browser):
+    """That of the run of the arm and the puck."""
+    browser.open(explore(folder, folder.parent / "hockey.html"))
+    return browser
+
+
+def shown(page):
+    return page.js("return explorer.state.skill")
+
+
+def test_pointing_shows_the_skill_under_the_pointer(page, folder):
+    repertoire = auroraqd.load(folder)
+    for row in (3, len(repertoire) - 2):
+        page.mouse("mouseMoved", page.place(0, *repertoire.descriptor[row]))
+        page.until(f"return explorer.state.skill === {row}")
+        assert page.text("which") == f"skill {row}"
+        gene, unit = page.js("return document.querySelector('#genes td.number').textContent").split()
+        assert unit == "rad"
+        np.testing.assert_allclose(float(gene), (2 * repertoire.genotype[row, 0] - 1) * np.pi, rtol=1e-3)
+    assert page.troubles() == []
+
+
+def test_the_arm_that_is_drawn_is_that_of_the_task(page, folder):
+    repertoire = auroraqd.load(folder)
+    page.js("document.getElementById('step').value = 20; document.getElementById('step').dispatchEvent(new Event('input'));")
+    arm = page.js(
+        "const r = Bokeh.documents[0].roots().find((f) => f.name === 'skill-lines').renderers.find((r) => r.name === 'arm');"
+        "return [Array.from(r.data_source.data.x), Array.from(r.data_source.data.y)]"
+    )
+    wanted = air_hockey.joints(repertoire.genotype[[shown(page)]])[0, 20]
+    np.testing.assert_allclose(np.transpose(arm), wanted, atol=1e-5)
+
+
+def test_a_click_pins_and_another_takes_away(page, folder):
+    repertoire = auroraqd.load(folder)
+    place = page.place(0, *repertoire.descriptor[5])
+    for pins in (1, 0, 1):
+        page.click(place)
+        page.until(f"return document.querySelectorAll('#pins button').length === {pins}")
+        time.sleep(1)  # or two clicks are a double click
+
+
+def test_an_empty_place_shows_what_the_descriptor_expects_there(page, folder):
+    repertoire = auroraqd.load(folder)
+    place = repertoire.descriptor.min(axis=0) - 0.02 * np.ptp(repertoire.descriptor, axis=0)  # within the margin of the map
+    page.click(page.place(0, *place))
+    page.until("return explorer.state.place !== null")
+    x, y = page.js("return explorer.state.place.at")
+    expected = page.js("return Array.from(explorer.state.place.decoded)")
+    np.testing.assert_allclose(expected, repertoire.reconstruct([[x, y]]).ravel(), atol=1e-4)
+    np.testing.assert_allclose([x, y], place, atol=0.02 * np.ptp(repertoire.descriptor))
+
+
+def test_a_lasso_selects_what_is_in_it_and_exports_it(page, folder):
+    repertoire = auroraqd.load(folder)
+    low, high = np.array([-0.6, -0.6]), np.array([0.3, 0.4])
+    page.lasso(
+        [page.place(1, *corner) for corner in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))]
+    )
+    rows = np.array(page.until("return explorer.state.set && explorer.state.set.indices"))
+    inside = ((repertoire.ground_truth > low + 0.02) & (repertoire.ground_truth < high - 0.02)).all(axis=1)
+    outside = ((repertoire.ground_truth < low - 0.02) | (repertoire.ground_truth > high + 0.02)).any(axis=1)
+    assert set(np.flatnonzero(inside)) <= set(rows)
+    assert not set(np.flatnonzero(outside)) & set(rows)
+    assert page.text("many").startswith(f"{len(rows)} skills selected")
+
+    exported = list(csv.DictReader(io.StringIO(page.saved("csv"))))
+    np.testing.assert_array_equal([int(line["id"]) for line in exported], repertoire.id[rows])
+    np.testing.assert_allclose([float(line["descriptor 2"]) for line in exported], repertoire.descriptor[rows, 1], rtol=1e-5)
+    kept = json.loads(page.saved("json"))
+    observed = [skill["observation"] for skill in kept["skills"]]
+    np.testing.assert_allclose(observed, repertoire.observation[rows].reshape(len(rows), -1), atol=1e-4)
+    loaded = {}
+    exec(kept["python"], loaded)
+    np.testing.assert_array_equal(loaded["rows"], rows)
+
+
+def test_seeking(page, folder):
+    repertoire = auroraqd.load(folder)
+
+    def seek(text):
+        page.js(
+            "document.getElementById('wanted').value = arguments[0]; document.getElementById('search').requestSubmit();", text
+        )
+        return shown(page)
+
+    ends = repertoire.observation[:, -1]
+    assert seek("ends near (0.3, -0.2)") == np.argmin(np.linalg.norm(ends - [0.3, -0.2], axis=1))
+    assert seek("skill 4") == 4
+    assert seek(f"id {repertoire.id[7]}") == 7
+    assert seek("nowhere") == 7
+    assert "two numbers" in page.text("said")
+
+
+def test_keys_go_from_skill_to_skill(page):
+    element = page.driver.find_element("css selector", ".map")
+    before = shown(page)
+    page.js("arguments[0].focus()", element)
+    element.send_keys("\ue014")  # to the right
+    page.until(f"return explorer.state.skill !== {before}")
+    places = page.js(
+        "const { data } = Bokeh.documents[0].roots()[0].renderers[0].data_source;"
+        "return arguments[0].map((i) => data.descriptor_x[i])",
+        [before, shown(page)],
+    )
+    assert places[1] > places[0]
+
+
+def test_colours_and_looks(page):
+    page.js(
+        "const s = document.getElementById('colour'); s.value = [...s.options].findIndex((o) => o.text === 'novelty');"
+        "s.dispatchEvent(new Event('change'));"
+    )
+    assert page.js("return Bokeh.documents[0].roots()[0].below.some((b) => b.visible && b.color_mapper)")
+    theme = page.js("return document.documentElement.dataset.theme")
+    page.js("document.getElementById('theme').click()")
+    assert page.js("return document.documentElement.dataset.theme") != theme
+    assert page.troubles() == []
+
+
+def test_runs_beside_each_other(folder, browser, tmp_path):
+    browser.open(explore([folder, folder], tmp_path / "two.html"))
+    repertoire = auroraqd.load(folder)
+    browser.mouse("mouseMoved", browser.place(1, *repertoire.ground_truth[9]))
+    browser.until("return explorer.state.run === 1 && explorer.state.skill === 9")
+    assert browser.js("return document.querySelectorAll('#compared tr').length") == 3
+    size = browser.js("return document.querySelectorAll('#compared tr')[2].cells[1].textContent")
+    assert size == f"{len(repertoire):,}"
+    assert browser.troubles() == []
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_odd_runs_have_a_page(kind, browser, tmp_path):
+    aurora = ODD[kind]()
+    browser.open(explore(aurora, tmp_path / "odd.html"))
+    assert browser.js("return explorer.data().runs[0].rows.length") == len(aurora.archive)
+    browser.js("explorer.tap('map0', {x: 0.1, y: 0.1}); explorer.move('map0', {x: 0.3, y: 0.2});")
+    assert browser.troubles() == []
+
+
+def test_names_do_not_run(browser, tmp_path):
+    def task(genotypes):
+        return genotypes
+
+    task.genes = auroraqd.tasks.Genes(**{EVIL: (0, 1, EVIL), "'\"&<b>": (0, 2)})
+    task.__name__ = task.__qualname__ = EVIL
+    folder = auroraqd.save(found(task, "genotype"), tmp_path / "a<b>'&")
+    browser.open(explore(folder, tmp_path / "evil.html"))
+    assert browser.js("return window.hacked") is None
+    assert EVIL in browser.text("genes")
+    assert browser.text("title") == "a<b>'&"
+    assert browser.troubles() == []
