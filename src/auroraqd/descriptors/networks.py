@@ -120,8 +120,8 @@ class Convolutional(Network):
         """See `Network`."""
         if len(shape) != 2:
             raise ValueError(
-                f"network 'convolutional' is for time series, observations of shape (n, steps, channels), got {rows_of(shape)}: "
-                "network 'mlp' takes any shape"
+                "network 'convolutional' is for time series, observations of shape (n, steps, channels), got "
+                f"{rows_of(shape)}: network 'mlp' takes any shape"
             )
         if math.prod(shape) > _MOST_ENTRIES:
             raise ValueError(
