@@ -282,6 +282,18 @@ def test_an_archive_takes_them():
         archive.add(genotypes, np.zeros(9), genotypes, genotypes[:, :2])
 
 
+def test_the_explorer_shows_a_path_before_others(tmp_path):
+    pytest.importorskip("bokeh")
+    from auroraqd.report.explorer.sights import worth_showing
+
+    aurora = made().run(robot, generations=3)
+    assert worth_showing(aurora.archive.observation) == "path"
+    streams = {name: aurora.archive.observation[name] for name in ("joints", "camera")}
+    assert worth_showing(joined(streams)) == "camera"
+    report.explore(aurora, tmp_path / "skills.html")
+    assert (tmp_path / "skills.html").stat().st_size > 10_000
+
+
 def test_a_descriptor_of_others_is_refused():
     descriptor = Descriptor(PCA(1)).refitted(joined(robot(np.random.default_rng(0).random((9, 3)))[1]))
     with pytest.raises(ValueError, match=r"observation must be the streams .*, as those it was fitted on, got one array"):

@@ -68,8 +68,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
     bits by 255. Training is repeated with new splits into training and validation rows, each repeat continuing the weights of
     the one before. A repeat ends when its epochs are used up or when the validation error, averaged over `patience` epochs,
     rises, and gives the weights with the lowest validation error. A training that diverges (NaN) or learns nothing is tried
-    again twice, each time with a fifth of the learning rate; should all fail, a warning says so, and the best weights there are,
-    those from before among them, stay.
+    again twice, each time with a fifth of the learning rate; should all fail, a warning says so, and the best weights there
+    are, those from before among them, stay.
 
     The defaults are what reaches the lowest error on throws never seen in the least time; `AutoEncoder.paper()` is the
     protocol of the paper.

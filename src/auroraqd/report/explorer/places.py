@@ -45,12 +45,12 @@ def truth_names(config: Mapping[str, Any], columns: int) -> list[str]:
     return known if len(known) == columns else [f"ground truth {column + 1}" for column in range(columns)]
 
 
-def stage_of(config: Mapping[str, Any], repertoire: Repertoire, sight: Sight) -> dict[str, Any] | None:
+def stage_of(config: Mapping[str, Any], repertoire: Repertoire, sight: Sight, observation: np.ndarray) -> dict[str, Any] | None:
     """Where the lines of what a run observed are drawn, and what moves beside them; None for images."""
     if sight.kind == "image":
         return None
     if sight.kind == "series":
-        least, most = float(repertoire.observation.min()), float(repertoire.observation.max())
+        least, most = float(observation.min()), float(observation.max())
         return {"low": [0, least], "high": [sight.shape[0] - 1, most], "equal": False, "labels": ["step", ""]}
     scene, task, steps = scene_of(config, repertoire), task_of(config), sight.shape[0]
     width, height = scene.high - scene.low

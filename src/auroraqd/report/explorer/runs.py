@@ -15,11 +15,12 @@ from sklearn.neighbors import NearestNeighbors
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.history import History
+from auroraqd.observations import streams_of
 from auroraqd.provenance import called, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.decoders import decoder
 from auroraqd.report.explorer.places import genes_of, stage_of, truth_names
-from auroraqd.report.explorer.sights import Sight
+from auroraqd.report.explorer.sights import Sight, worth_showing
 from auroraqd.report.explorer.tables import back, single, table, wholes
 from auroraqd.runs import folders
 from auroraqd.runs.state import settings_of
@@ -97,15 +98,17 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         share: of the bytes of a page that are for this run.
     """
     repertoire, config = source.repertoire, _config(source.repertoire)
-    sight = Sight.of(repertoire.observation.shape[1:], repertoire.observation.dtype)
-    decode = _decode(repertoire, sight)
+    stream = worth_showing(repertoire.observation)
+    observation = streams_of(repertoire.observation)[stream]
+    sight = Sight.of(observation.shape[1:], observation.dtype)
+    decode = _decode(repertoire, sight, stream)
     whole = decoder(decode, repertoire.descriptor) if decode else None
     affine = whole is not None and whole["kind"] == "affine"
     bytes_each = sight.features * ((1 if sight.kind == "image" else 2) + (0 if affine or decode is None else 1))
     rows = _some(len(repertoire), min(most, max(int(share * _BYTES / bytes_each), 1)))
-    observed = table(sight.seen(repertoire.observation[rows]), np.uint8 if sight.kind == "image" else None)
+    observed = table(sight.seen(observation[rows]), np.uint8 if sight.kind == "image" else None)
     if sight.kind == "image":  # or each pixel would have its own scale
-        observed = _one_scale(sight.seen(repertoire.observation[rows]))
+        observed = _one_scale(sight.seen(observation[rows]))
     differences = None
     if decode and not affine:
         differences = table(decode(repertoire.descriptor[rows]) - back(observed), np.int8)
@@ -128,7 +131,7 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         "observed": observed,
         "decoder": whole,
         "differences": differences,
-        "stage": stage_of(config, repertoire, sight),
+        "stage": stage_of(config, repertoire, sight, observation),
         "facts": _facts(repertoire, config),
     }
 
@@ -150,11 +153,11 @@ def _middle(descriptor: np.ndarray) -> int:
     return int(np.argmin(np.abs(descriptor - descriptor.mean(axis=0)).sum(axis=1)))
 
 
-def _decode(repertoire: Repertoire, sight: Sight) -> Any:
+def _decode(repertoire: Repertoire, sight: Sight, stream: str) -> Any:
     """From descriptors to what is seen there; None where the descriptor cannot reconstruct, or not here."""
 
     def decode(places: np.ndarray) -> np.ndarray:
-        return sight.seen(repertoire.reconstruct(places))
+        return sight.seen(streams_of(repertoire.reconstruct(places))[stream])
 
     try:
         return decode if np.isfinite(decode(repertoire.descriptor[:1])).all() else None

@@ -6,9 +6,17 @@ from typing import Any, Literal
 
 import numpy as np
 
+from auroraqd.observations import streams_of
+
 _LARGEST = 32  # pixels of a side, as they are shown
 _CHANNELS = (1, 3, 4)
 _MOST_SERIES = 12  # lines that the eye can tell apart
+
+
+def worth_showing(observation: np.ndarray) -> str:
+    """Which stream of an observation is shown: a path before an image, and that before others."""
+    kinds = {name: Sight.of(stream.shape[1:], stream.dtype).kind for name, stream in streams_of(observation).items()}
+    return min(kinds, key=lambda name: ("path", "image", "series").index(kinds[name]))
 
 
 @dataclass(frozen=True)
