@@ -366,7 +366,7 @@ def test_streams_are_learned_saved_and_go_on(tmp_path, streams):
         run.run(robot, generations=4)
     same(aurora, again)
     repertoire = auroraqd.load(tmp_path)
-    assert_array_equal(repertoire.describe(repertoire.observation), repertoire.descriptor)
+    assert_allclose(repertoire.describe(repertoire.observation), repertoire.descriptor, rtol=1e-9, atol=1e-9)
     assert_array_equal(
         pickle.loads(pickle.dumps(aurora.descriptor.transformer)).transform(aurora.archive.observation[:3]),
         aurora.descriptor.transformer.transform(aurora.archive.observation[:3]),
