@@ -202,9 +202,9 @@ def test_run_air_hockey(tmp_path):
         (["--archive", "cvt:cells=50,samples=200", "--descriptor", "observation"], 100),
         (["--archive", "cvt:cells=50,samples=200,low=0", "--descriptor", "genotype"], 2),
         (["--archive", "cvt-prior", "--descriptor", "observation", "--pretrained"], 100),
-        (["--descriptor", "pca", "--pretrained"], 2),
+        (["--descriptor", "pca", "--pretrained", "--no-figures"], 2),
         (["--archive", "dominated:capacity=50", "--emitter", "taxons:population=30"], 2),
-        (["--selection", "mixed", "--resolution", "csc:target=500"], 2),
+        (["--selection", "mixed", "--resolution", "csc:target=500", "--no-figures"], 2),
     ],
 )
 def test_run_with_other_archives_and_pretrained(tmp_path, monkeypatch, options, dimensions):
@@ -404,7 +404,7 @@ def test_an_individual_that_takes_too_long_is_invalid(tmp_path):
     assert "--timeout needs workers" in done.stderr
     done = command(*arguments, "--jobs", 1, "--timeout", 0, cwd=tmp_path, ok=False)
     assert "timeout must be more than 0 seconds, got 0" in done.stderr
-    command(*arguments, "--jobs", 1, "--timeout", 0.5, "--seed", 6, cwd=tmp_path)
+    command(*arguments, "--jobs", 1, "--timeout", 1, "--seed", 6, cwd=tmp_path)
     record = folders.load_history(tmp_path / "run")[-1]
     assert (record.evaluations, record.invalid) == (8, 1)
     done = command("resume", "run", "-n", 2, "--timeout", 1, cwd=tmp_path, ok=False)

@@ -331,7 +331,7 @@ def test_a_worker_that_joins_a_cluster_loads_the_task_first(cluster):
 
 def test_a_worker_of_a_cluster_that_is_killed_midway(cluster):
     """By somebody else, while it is at work."""
-    with evaluate.over(evaluate.dask(cluster), robots.slow, chunk=5) as task:
+    with evaluate.over(whole_again(cluster), robots.slow, chunk=5) as task:
         calls, killed = [], []
 
         def callback(aurora):
