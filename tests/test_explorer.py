@@ -131,7 +131,7 @@ def test_what_cannot_be_explored_is_said(folder, tmp_path):
         explore(empty, tmp_path / "x.html")
     with pytest.raises(ValueError, match="run of seed 0 is empty"):
         explore(auroraqd.Aurora(2, "genotype", seed=0), tmp_path / "x.html")
-    with pytest.raises(IsADirectoryError, match="must be a file, and is a folder"):
+    with pytest.raises(IsADirectoryError, match="must be of a file, and is a folder"):
         explore(folder, tmp_path)
     with pytest.raises(ValueError, match="several are compared by their ground truth, and run of seed 0 has none"):
         explore([folder, found(lambda g: g, "genotype")], tmp_path / "x.html")

@@ -53,7 +53,7 @@ def explore(run: Any, path: str | os.PathLike = "skills.html", *, most: int = MO
     if not 1 <= len(given) <= _MOST_RUNS:
         raise ValueError(f"run must be one, or from 1 to {_MOST_RUNS} of them, got {len(given)}")
     if os.path.isdir(path):  # of a name that is too long, Path.is_dir raises
-        raise IsADirectoryError(f"{path} must be a file, and is a folder")
+        raise IsADirectoryError(f"path {path} must be of a file, and is a folder")
     page = _page(given, most)
     folder_at(path.parent)
     with replacing(path) as file:

@@ -15,7 +15,7 @@ from bokeh.plotting import figure
 
 from auroraqd.report.explorer.compared import box
 
-_BACKED_OFF = 0.06  # opacity of skills beside those that are selected
+_BACKED_OFF = 0.1  # opacity of skills beside those that are selected
 PALETTE = tuple(Cividis256)
 """Of numbers: it reads the same to the colour-blind."""
 
