@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _listener: ContextVar[Callable[[Progress], Any] | None] = ContextVar("listener", default=None)
 _VERBOSE_GAP = 5.0  # s
 _OBSERVATIONS = " of shape (n, ...)"
-_KEPT = 0.7  # share of the distances, likewise
+_KEPT = 0.5  # squared correlation of latent distances with those that are wanted, likewise
 _NOTHING = 1e-12  # variance of an entry on the [-1, 1] scale that is none
 _EXPLAINED = 0.05  # share of the variance of the observations below which nothing has been learned
 _METRICS = ("auto", "euclidean", "geodesic")
@@ -446,7 +446,7 @@ class _Tried(NamedTuple):
     diverged: bool
     rmse: float  # of all rows
     explained: float  # share of the variance of the rows
-    kept: float  # share of the distances that are wanted which is kept, of some rows
+    kept: float  # how well latent distances tell those that are wanted, of some rows
     spread: float  # of latent positions, as a share of their size
 
     @property

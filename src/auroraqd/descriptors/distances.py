@@ -163,11 +163,9 @@ def _coordinates(length: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
 
 
 def kept(wanted: np.ndarray, z: np.ndarray) -> float:
-    """The share of distances that positions, (n, d), keep, whatever their scale: 1 if they are proportional to those between
-    wanted ones, (n, m), and 0 if they say nothing. See `auroraqd.descriptors.training.distortion`, which is the rest.
-    """
+    """How well distances between positions, (n, d), tell those between wanted ones, (n, m): the square of their correlation."""
     from scipy.spatial.distance import pdist
 
-    far, given = pdist(wanted), pdist(z)
+    far, given = (distance - distance.mean() for distance in (pdist(wanted), pdist(z))) if len(z) > 1 else (np.zeros(1),) * 2
     size = (far @ far) * (given @ given)
-    return float((far @ given) ** 2 / size) if size > 0 else float(not far.any())
+    return float((far @ given) ** 2 / size) if size > 0 else 0.0

@@ -107,7 +107,7 @@ class MLP(Network):
 
 @dataclass(frozen=True)
 class Convolutional(Network):
-    """The network of the AURORA paper, for short time series, (steps, channels): 11,809 parameters for (50, 2) in two.
+    """The network of the AURORA paper, for short time series, (steps, channels): 11,809 parameters for (50, 2).
 
     Sec. "Experimental validation"; sizes, kernels and activations from the authors' re-released ballistic example.
     """
