@@ -317,7 +317,7 @@ def images_of_a_disc(n, size=24):
 def test_a_latent_space_that_has_collapsed_is_said():
     x = images_of_a_disc(60)
     with pytest.warns(UserWarning, match="the latent space of AutoEncoder has collapsed: .* hardly better than their mean"):
-        auroraqd.AutoEncoder(network="mlp", random_state=0, hidden=(8,), learning_rate=1e-6, **SHORT).fit(x)
+        auroraqd.AutoEncoder(network="mlp", random_state=0, learning_rate=1e-6, **SHORT).fit(x)
 
 
 def test_the_papers_protocol_trains():
