@@ -229,7 +229,6 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        preexec_fn=lambda: signal.signal(stop, signal.SIG_DFL),  # a shell has what it runs in the background ignore Ctrl-C
     )
     try:
         assert process.stdout is not None

@@ -98,7 +98,7 @@ def test_an_affine_decoder_is_exact_and_others_are_sampled():
 def test_the_arm_is_that_of_the_task(folder):
     repertoire = auroraqd.load(folder)
     config = {"task": "air-hockey"}
-    arm = stage_of(config, repertoire, Sight.of((50, 2), float))["arm"]
+    arm = stage_of(config, repertoire, Sight.of((50, 2), float), repertoire.observation)["arm"]
     genes = genes_of(config, 8).scale(repertoire.genotype[:9])
     angles = np.cumsum(
         genes[:, None, :4] * np.array(arm["first"])[:, None] + genes[:, None, 4:] * np.array(arm["final"])[:, None], 2

@@ -197,7 +197,7 @@ def test_mistakes_get_a_sentence(folder, arguments, message):
 def test_no_trajectories_no_skills(tmp_path):
     aurora = auroraqd.Aurora(2, "genotype", seed=0, batch_size=30).run(lambda g: (g[:, 0], g), generations=2)
     auroraqd.save(aurora, tmp_path)
-    assert "skills must be trajectories in the plane, observations of shape (steps, 2), got (2,)" in command(
+    assert "skills must be trajectories in the plane, observations or a stream of shape (steps, 2), got (2,)" in command(
         ["animate", str(tmp_path)], code=1
     )
     assert f"there is no folder {tmp_path / 'nowhere'}" in command(["animate", str(tmp_path / "nowhere")], code=1)
