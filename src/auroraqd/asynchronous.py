@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from auroraqd.callbacks.base import Callbacks
 from auroraqd.emitters.proposal import Event, Proposal
-from auroraqd.observations import has_streams, joined, streams_of
+from auroraqd.observations import by_stream
 from auroraqd.running import tell
 from auroraqd.tasks import Evaluation, TaskError, evaluated, name_of
 
@@ -138,14 +139,14 @@ def _evaluated(task: Callable, proposals: list[Proposal], lost: set[int], seeded
     there = np.array([number not in lost for proposal in proposals for number in proposal.born.tolist()])
     found = evaluated(task, genotypes[there], seeds[there] if seeded else None, when)
     ends = np.cumsum([len(proposal.genotype) for proposal in proposals])[:-1]
-    parts = [[None] * len(proposals) if c is None else np.split(_spread(c, there), ends) for c in found]
+    parts = [
+        [None] * len(proposals) if c is None else np.split(by_stream(partial(_spread, there=there), c), ends) for c in found
+    ]
     return {p.ticket: Evaluation(*columns) for p, *columns in zip(proposals, *parts, strict=True)}
 
 
 def _spread(rows: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Rows where they belong, (n,) bool; NaN, or 0 where there is none, elsewhere."""
-    if has_streams(rows):
-        return joined({name: _spread(stream, there) for name, stream in streams_of(rows).items()})
     column = np.full((len(there), *rows.shape[1:]), np.nan if rows.dtype.kind == "f" else 0, rows.dtype)
     column[there] = rows
     return column

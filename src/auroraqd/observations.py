@@ -8,7 +8,7 @@ any other column, and `observation["camera"]` is the stream as the task gave it,
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,13 @@ def flat(observation: np.ndarray) -> np.ndarray:
         return observation.reshape(n, math.prod(observation.shape[1:]))
     parts = [stream.reshape(n, math.prod(stream.shape[1:])) for stream in streams_of(observation).values()]
     return np.concatenate(parts, axis=1, dtype=np.float64)
+
+
+def by_stream(function: Callable[[np.ndarray], np.ndarray], observation: np.ndarray) -> np.ndarray:
+    """What a function makes of each stream, (n, ...), joined again; of one array alone what it makes of that."""
+    if not has_streams(observation):
+        return function(observation)
+    return joined({name: function(stream) for name, stream in streams_of(observation).items()})
 
 
 def unflattened(rows: np.ndarray, layout: Layout) -> np.ndarray:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
-from scipy.stats import gaussian_kde
 
 from auroraqd._checks import number, whole
 from auroraqd.archives.base import Archive
@@ -55,6 +54,8 @@ class Goals:
 
 def goals(descriptors: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
     """(n, d) points drawn from the density of descriptors, (m, d)."""
+    from scipy.stats import gaussian_kde  # takes a second, which who needs no goals should not wait
+
     try:
         with np.errstate(all="ignore"):
             drawn = gaussian_kde(descriptors.T).resample(n, seed=rng).T

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from auroraqd._checks import function, numeric, seeds_for, whole
-from auroraqd.observations import has_streams, joined, streams_of
+from auroraqd.observations import by_stream
 from auroraqd.tasks import Evaluation, as_evaluation, called, name_of
 
 _MOST_TIMES = 10**6
@@ -70,11 +70,9 @@ class Repeated:
             seeds = np.array([np.random.PCG64(int(seed)).random_raw(self.times) for seed in each]).reshape(-1)
         result = called(self.task, np.repeat(genotypes, self.times, axis=0), seeds)
         evaluation = as_evaluation(result, n * self.times)
-        return Evaluation(*(None if rows is None else self._mean(rows) for rows in evaluation))
+        return Evaluation(*(None if rows is None else by_stream(self._mean, rows) for rows in evaluation))
 
     def _mean(self, rows: np.ndarray) -> np.ndarray:
-        if has_streams(rows):
-            return joined({name: self._mean(stream) for name, stream in streams_of(rows).items()})
         return rows.reshape(-1, self.times, *rows.shape[1:]).mean(axis=1, dtype=np.float64)
 
 
