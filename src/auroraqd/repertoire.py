@@ -224,10 +224,10 @@ class Repertoire(Individuals):
             array, shape = numbers(called, values), streams[name].shape[1:]
             if array.shape != shape:
                 raise ValueError(f"{called} must have shape {shape}, as those of the repertoire, got {array.shape}")
-            if np.isinf(array).any() or (whole and np.isnan(array).all()):
-                raise ValueError(f"{called} must have finite entries, or NaN for what does not matter, but not NaN alone")
-            found[name] = array
-        found = {name: array for name, array in found.items() if not np.isnan(array).all()}
+            if np.isinf(array).any():
+                raise ValueError(f"{called} must have finite entries, or NaN for what does not matter")
+            if not np.isnan(array).all():
+                found[name] = array
         if not found:
             raise ValueError("observation must have finite entries, or NaN for what does not matter, but not NaN alone")
         return found

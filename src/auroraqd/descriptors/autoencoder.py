@@ -197,7 +197,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
 
         `Aurora` asks for it: what it scales itself it has to copy.
         """
-        return self._network(shape, dtype).streams
+        return self._network(shape, dtype).raw
 
     def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
@@ -278,7 +278,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
     @property
     def raw_(self) -> bool:
         """Whether it was fitted on observations that nobody had scaled, if `Aurora` did it."""
-        return self.network_.streams
+        return self.network_.raw
 
     @property
     def scaling_(self) -> Scaling:
@@ -398,7 +398,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         targets = distances.along_the_graph(kind.measured(x, scaling), rng) if geodesic and self.isometry else None
         scaler = scaling.scaler(x[0].size)
         variance = _variance(x, scaler)
-        if kind.streams:
+        if kind.raw:
             return Data(x.reshape(len(x), -1), scaler, targets, variance)
         return Data(scaler(x).astype(np.float32), None, targets, variance)
 
@@ -413,7 +413,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             raise NotFittedError("this AutoEncoder has not been fitted yet: call fit first")
         if getattr(self, "_use", None) is None:
             kind, shape, n_components = self._architecture()  # pyright: ignore[reportGeneralTypeIssues]
-            weights = self.weights_ if kind.streams else [weight.astype(np.float64) for weight in self.weights_]
+            weights = self.weights_ if kind.raw else [weight.astype(np.float64) for weight in self.weights_]
             network = _filled(kind, shape, n_components, weights, np.random.default_rng(0))
             self._use = _put_to_use(kind, network, self._scaler())
         assert self._use is not None
@@ -469,7 +469,7 @@ def _filled(
 def _put_to_use(kind: Network, network: Any, scaler: Scaler) -> InUse:
     from auroraqd.descriptors.inference import Compiled, Plain
 
-    return (Compiled if kind.streams else Plain)(network, scaler)
+    return (Compiled if kind.raw else Plain)(network, scaler)
 
 
 def _variance(x: np.ndarray, scaler: Scaler) -> float:

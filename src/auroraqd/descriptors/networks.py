@@ -34,12 +34,12 @@ class Network(ABC):
     """What an auto-encoder is made of. A frozen dataclass with numbers, texts or tuples of these as fields.
 
     Attributes:
-        streams: whether mini-batches are read from the observations as they are, in their dtype, and scaled one at a time.
+        raw: whether mini-batches are read from the observations as they are, in their dtype, and scaled one at a time.
         geodesic: whether `metric="auto"` stands for shortest paths.
         rate: times the learning rate of the `AutoEncoder`: wide or deep networks need a smaller one.
     """
 
-    streams: ClassVar[bool] = True
+    raw: ClassVar[bool] = True
     geodesic: ClassVar[bool] = False
     rate: ClassVar[float] = 1.0
 
@@ -87,7 +87,7 @@ class MLP(Network):
     """
 
     hidden: Sequence[int] = (128, 64, 32)
-    streams: ClassVar[bool] = False
+    raw: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if isinstance(self.hidden, list):
@@ -112,7 +112,7 @@ class Convolutional(Network):
     Sec. "Experimental validation"; sizes, kernels and activations from the authors' re-released ballistic example.
     """
 
-    streams: ClassVar[bool] = False
+    raw: ClassVar[bool] = False
     _maps: ClassVar[int] = 2
     _dense: ClassVar[int] = 5
 
