@@ -416,8 +416,8 @@ def test_a_checkpoint_that_lacks_something(tmp_path, damage):
     assert len(auroraqd.load(tmp_path)) == len(aurora.archive)
 
 
-def command(*arguments, code=0):
-    done = commands.cli(*arguments)
+def command(*arguments, code=0, cwd=None):
+    done = commands.cli(*arguments, cwd=cwd)
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return " ".join((done.stderr if code else done.stdout + done.stderr).split())
@@ -457,13 +457,50 @@ def test_command_that_was_killed_before_its_first_checkpoint(tmp_path):
     assert without_times(tmp_path / "killed") == without_times(tmp_path / "alone")
 
 
+def test_command_goes_on_with_a_run_that_was_saved_from_python(tmp_path):
+    out, alone = tmp_path / "run", tmp_path / "alone"
+    auroraqd.save(make().run(auroraqd.tasks.Ballistic(), generations=3), out)
+    auroraqd.save(make().run(auroraqd.tasks.Ballistic(), generations=6), alone)
+    assert "at generation 3, and does not say how many there are to be: give --generations" in command("resume", out, code=1)
+    assert "is at its end, generation 3 of 2" in command("resume", out, "-n", 2, code=1)
+    assert "has 8 genes now, and the run in" in command("resume", out, "-n", 6, "--task", "air-hockey", code=1)
+    command("resume", out, "-n", 6, "--no-figures")
+    assert without_times(out) == without_times(alone)
+
+
+def test_command_goes_on_with_a_task_of_a_script(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import sys\n"
+        "import auroraqd\n"
+        "from sklearn.decomposition import PCA\n"
+        "class Own(PCA):\n"
+        "    pass\n"
+        "def robot(genotypes):\n"
+        "    return genotypes[:, :, None] * [1.0, 2.0]\n"
+        "robot.n_genes = 3\n"
+        "def run(generations, out):\n"
+        "    from mine import Own\n"
+        "    auroraqd.save(auroraqd.Aurora(3, Own(2), seed=1, batch_size=20).run(robot, generations=generations), out)\n"
+        "if __name__ == '__main__':\n"
+        "    run(3, 'scripted')\n"
+        "    run(6, 'alone')\n"
+    )
+    commands.python("mine.py", cwd=tmp_path)
+    said = command("resume", "scripted", "-n", 6, code=1, cwd=tmp_path)
+    assert "its task cannot be imported from anywhere: say where it is, --task mymodule:my_task" in said
+    named = "resume", "scripted", "-n", 6, "--no-figures", "--task", "mine:robot"
+    assert "--trusted" in command(*named, code=1, cwd=tmp_path)
+    assert "Warning" not in command(*named, "--trusted", "mine.Own", cwd=tmp_path)  # it is the same code
+    assert without_times(tmp_path / "scripted")[:2] == without_times(tmp_path / "alone")[:2]
+
+
 def test_mistakes_get_a_sentence(tmp_path):
     out = tmp_path / "run"
     assert f"there is no folder {out}" in command("resume", out, code=1)
     out.mkdir()
     assert "is no run folder: there is no config.json in it" in command("resume", out, code=1)
     auroraqd.save(make().run(TASK, generations=3), out)
-    assert "was saved from Python" in command("resume", out, code=1)
+    assert "was saved from Python" in command("repeat", out, "--out", tmp_path / "again", code=1)
     command("run", "ballistic", *PLAIN, "-n", 6, "--no-figures", "--out", tmp_path / "cli")
     config = json.loads((tmp_path / "cli" / "config.json").read_text())
     (tmp_path / "cli" / "config.json").write_text(json.dumps({**config, "seed": 7, "generations": 9}))
@@ -471,6 +508,8 @@ def test_mistakes_get_a_sentence(tmp_path):
     (tmp_path / "cli" / "config.json").write_text(json.dumps({**config, "environment": {"machine": "abacus"}}))
     assert "--any-environment" in command("resume", tmp_path / "cli", "-n", 8, code=1)
     command("resume", tmp_path / "cli", "-n", 8, "--any-environment", "--no-figures")
+    said = command("resume", tmp_path / "cli", "-n", 9, "--task", "ballistic", code=1)
+    assert "--task and --trusted are for runs that were saved from Python" in said
     path = tmp_path / "cli" / "repertoire.safetensors"
     path.write_bytes(path.read_bytes()[:-5])
     said = command("resume", tmp_path / "cli", "-n", 10, "--no-figures")

@@ -14,7 +14,7 @@ import warnings
 import zlib
 from array import array
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, overload
 
 import numpy as np
@@ -250,7 +250,7 @@ class Aurora:
                     found = emitter.ask(self.archive, count, self._rng)
                     if type(emitter) is not Genetic:  # which looks at its own
                         found = self._checked_offspring(emitter, count, found)
-                    made.append((*found, np.full(count, which)))
+                    made.append((*found, np.zeros(count, np.int64) if which == 0 else np.full(count, which)))
         if len(made) == 1:
             return made[0]
         genotype, parent, emitter = (np.concatenate(parts) for parts in zip(*made, strict=True))
@@ -359,8 +359,7 @@ class Aurora:
 
     @property
     def _ticket_base(self) -> int:
-        """The first ticket: those of runs with other seeds differ."""
-        return (1 + zlib.crc32(str(self.seed).encode()) % _RUNS) << _TICKETS
+        return _first_ticket(self.seed)
 
     @property
     def out(self) -> list[Proposal]:
@@ -504,15 +503,7 @@ class Aurora:
     def _told(self, asked: Asked, evaluation: Evaluation) -> np.ndarray:
         """Individuals that were evaluated: update if it is time, add, credit, record. Raises before it changes anything."""
         proposal, n = asked.proposal, len(asked.proposal.genotype)
-        batch = Columns(
-            {
-                "genotype": proposal.genotype,
-                "parent": proposal.parent,
-                "emitter": proposal.emitter,
-                "born": proposal.born,
-                **{name: column for name, column in evaluation._asdict().items() if column is not None},
-            }
-        )
+        batch = _batch_of(proposal, evaluation)
         if self._waiting is not None:
             batch = self._waiting.joined(batch)
         readable = self._descriptor.readable(batch)
@@ -536,20 +527,21 @@ class Aurora:
             return self._wait(asked, batch, valid, scheduled, refusal)
         # What is invalid by its fitness alone is left to the archive: all observations in one piece need no copy.
         legible = batch.chosen(readable)
+        sound = valid if legible is batch else valid[readable]
         described = _described(legible, self._descriptor if update is None else update.descriptor)
         # Up to here anything may raise, or be interrupted: fitting takes long. From here on the state changes.
         with uninterrupted():
             if update is not None and (refusal := self._take(update)) is not None:
                 described = _described(legible, self._descriptor)
             said = self._try_again(refusal, tried=update is not None)
-            status = self._added(batch, described, valid, readable)
+            status = self._added(batch, described, readable, sound)
             self.archive.credited(batch["parent"], status)
             follows = self.resolution is None or hasattr(self.resolution, "control")  # l is no matter of updates
             alone = update is not None and refusal is None and update.l is None and not follows
             self._update_due, self._waiting = scheduled and (len(self.archive) == 0 or alone), None
             self._recall(asked, status[-n:])
             errors = None if first_fit else described.get("reconstruction_error")
-            self._done(asked, status, _NO_ERROR if errors is None else errors[valid[readable]])
+            self._done(asked, status, _NO_ERROR if errors is None else errors[sound])
         _say(said)
         return status[-n:]
 
@@ -570,12 +562,16 @@ class Aurora:
         _say(said)
         return status[-len(asked.proposal.genotype) :]
 
-    def _added(self, batch: Columns, described: Columns, valid: np.ndarray, readable: np.ndarray) -> np.ndarray:
-        """Add those of a batch that are valid, (n,) bool, and tell the emitters what became of all.
+    def _added(self, batch: Columns, described: Columns, readable: np.ndarray, sound: np.ndarray) -> np.ndarray:
+        """Add individuals, and tell the emitters what became of all.
 
-        Described are those that are readable, (n,) bool.
+        Args:
+            batch: n individuals.
+            described: the m that are readable, with their descriptors.
+            readable: (n,) bool.
+            sound: (m,) bool, those to be added.
         """
-        info = self.archive.insert(described, valid[readable]) if described.rows else _NOTHING
+        info = self.archive.insert(described, sound) if described.rows else _NOTHING
         if described.rows < batch.rows:
             status, row = np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1)
             status[readable], row[readable] = info.status, info.row
@@ -695,6 +691,26 @@ class Aurora:
                 seconds=self._seconds,
             )
         )
+
+
+@cache
+def _first_ticket(seed: int) -> int:
+    """Of a run: those of runs with other seeds differ."""
+    return (1 + zlib.crc32(str(seed).encode()) % _RUNS) << _TICKETS
+
+
+def _batch_of(proposal: Proposal, evaluation: Evaluation) -> Columns:
+    """Individuals that were evaluated."""
+    fitness, observation, truth = evaluation
+    columns = {
+        "genotype": proposal.genotype,
+        "parent": proposal.parent,
+        "emitter": proposal.emitter,
+        "born": proposal.born,
+        "fitness": fitness,
+        "observation": observation,
+    }
+    return Columns(columns if truth is None else {**columns, "ground_truth": truth})
 
 
 def _mean(values: np.ndarray) -> float:

@@ -62,7 +62,8 @@ def described(task: Callable) -> dict[str, Any]:
 
 def changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
     """How a task differs from the one before, in words; None if it does not, or if nobody can say."""
-    if (before.get("module"), before.get("name")) != (now["module"], now["name"]):
+    scripts = _SCRIPT in (before.get("module"), now["module"])  # the same file may be imported the next time
+    if before.get("name") != now["name"] or (before.get("module") != now["module"] and not scripts):
         return f"the task was {called(before)} and is {called(now)}"
     if before.get("repr") != now["repr"]:
         return f"the task was {before.get('repr')} and is {now['repr']}"
@@ -134,7 +135,10 @@ def _home(task: Any, inner: Any) -> tuple[str, str]:
     for module in [sys.modules.get(kind.__module__), sys.modules.get(_SCRIPT), *sys.modules.values()]:
         for name, value in list(getattr(module, "__dict__", {}).items()):
             if value is task and not name.startswith("_"):
-                return getattr(module, "__name__", _SCRIPT), name
+                home = getattr(module, "__name__", _SCRIPT)
+                if home == _SCRIPT and kind.__module__.startswith(_OWN):
+                    break  # a variable of a script says less than a class that can be imported
+                return home, name
     return kind.__module__, kind.__qualname__
 
 

@@ -172,6 +172,7 @@ class Archive(Individuals, ABC):
         with self._lock, uninterrupted():
             self._next_id, self._where = next_id, where
             self._population = Population(held) if held.rows else Population()
+            self._population.reserve(held.rows)
             self._population.write(np.arange(held.rows), held if held.rows else Columns({}), held.rows)
             self.reindex()
 
@@ -241,26 +242,19 @@ class Archive(Individuals, ABC):
 
     def _insert_valid(self, batch: Columns) -> Info:
         size, n = len(self), batch.rows
-        ids = np.arange(self._next_id, self._next_id + n)  # there may be fewer in the end
-        batch = batch | {"curiosity": np.zeros(n), "id": ids, **{name: np.zeros(n, kind) for name, kind in self.own.items()}}
+        batch = batch | {"curiosity": np.zeros(n), **{name: np.zeros(n, kind) for name, kind in self.own.items()}}
+        numbered = batch | {"id": np.arange(self._next_id, self._next_id + n)}  # there may be fewer in the end
         if size == 0:
-            self._population = Population(batch)
+            self._population = Population(numbered)
             self.reindex()
-        status, row, evicted = self._decide(batch)
-        stored = np.flatnonzero(row >= 0)
-        target, ids = row[stored], ids[: len(stored)]
-        removed = self._population["id"][target[target < size]]
-        coming = batch.chosen(stored) | {"id": ids}
-        self._population.write(target, coming, size + int(np.count_nonzero(status == NEW)))
-        self._next_id += len(stored)
-        self._where.reserve(self._next_id)
-        last = self._population["id"][target] == ids  # others of the batch may have taken the place since
-        if not last.all():
-            removed = np.concatenate([np.unique(removed), ids[~last]])
-            row[stored[~last]] = -1
-            target, ids = target[last], ids[last]
-        self._where.set(removed, -1)
-        self._where.set(ids, target)
+        status, row, evicted = self._decide(numbered)
+        row = np.array(row, np.int64)
+        # From here on each has its place, and nothing may fail.
+        self._population.reserve(size + int(np.count_nonzero(status == NEW)))
+        self._where.reserve(self._next_id + n)
+        ids, places = self._population.raw("id"), self._where.places
+        size, self._next_id, staying, removed = _settled(row, size, self._next_id, ids, places)
+        self._population.write(row[staying], batch.chosen(staying), size)
         return Info(status, row, removed) if len(evicted) == 0 else self._evicted(Info(status, row, removed), evicted)
 
     def _evicted(self, info: Info, evicted: np.ndarray) -> Info:
@@ -346,7 +340,7 @@ class Archive(Individuals, ABC):
             return 0
         held = self._population
         order = np.argsort(self.id)
-        batch = (held.columns.without("reconstruction_error") | new).take(order)
+        batch = (held.columns.without("reconstruction_error") | new).chosen(order)
         self._population = Population()
         source, evicted, taken = _NONE, _NONE, False
         try:
@@ -418,6 +412,46 @@ def _credit(curiosity, places, ids, status):
 
 
 @compiled(nogil=True)
+def _settled(row, size, next_id, ids, places):
+    """Give those that are stored ids, and their places, one after the other.
+
+    Args:
+        row: (n,) int64, the place of each, -1 for none; set to -1 where another of them takes it later.
+        size: individuals stored before.
+        next_id: the first of theirs.
+        ids: (most,) int64, by row; set.
+        places: (most,) int32, by id, see `Rows`; set.
+
+    Returns:
+        Individuals stored after; the next id; who of them stays, (m,) int64; and the ids of those that went, (r,) int64.
+    """
+    stored, removed = np.empty(row.shape[0], np.int64), np.empty(row.shape[0], np.int64)
+    first, gone = next_id, 0
+    for i in range(row.shape[0]):
+        place = row[i]
+        if place < 0:
+            continue
+        if place < size:
+            before = ids[place]
+            places[before] = 0
+            removed[gone] = before
+            gone += 1
+            if before >= first:
+                row[stored[before - first]] = -1
+        else:
+            size += 1
+        ids[place], places[next_id] = next_id, place + 1
+        stored[next_id - first] = i
+        next_id += 1
+    staying = 0
+    for i in stored[: next_id - first]:
+        if row[i] >= 0:
+            stored[staying] = i
+            staying += 1
+    return size, next_id, stored[:staying], removed[:gone]
+
+
+@compiled(nogil=True)
 def _sound(status, row, size):
     """Whether rows, (n,) int64, are those of new, replaced and rejected individuals, in order; (n,) int8 status."""
     for i in range(status.shape[0]):
@@ -435,10 +469,10 @@ def _sound(status, row, size):
 
 def _problem(placement: Placement, n: int, size: int) -> str | None:
     """What is wrong with what was decided about n individuals for an archive of this size, in words."""
-    for name, column in zip(("status", "row"), placement[:2], strict=True):
+    status, row, evicted = placement
+    for name, column in (("status", status), ("row", row)):
         if not isinstance(column, np.ndarray) or column.shape != (n,) or column.dtype.kind not in "iu":
             return f"must return {name} as whole numbers of shape ({n},), got {shown(column)}"
-    status, row, evicted = placement
     if len(evicted) == 0 and _sound(status.astype(np.int8, copy=False), row.astype(np.int64, copy=False), size):
         return None
     if not ((status >= REJECTED) & (status <= REPLACED)).all():

@@ -44,13 +44,13 @@ class Population:
         return self._columns[name]
 
     def write(self, target: np.ndarray, rows: Mapping[str, np.ndarray], size: int) -> None:
-        """Write rows at these places, and have `size` in all. Of several rows for one place, the last stays."""
-        self._reserve(size)
+        """Write rows at these places, for which there is room, and have `size` in all."""
         for name, values in rows.items():
             self._columns[name][target] = values
         self._size = size
 
-    def _reserve(self, rows: int) -> None:
+    def reserve(self, rows: int) -> None:
+        """Make room for this many rows in all."""
         for name, column in self._columns.items():
             if rows > len(column):
                 grown = np.empty((max(rows, 2 * len(column), 16), *column.shape[1:]), column.dtype)

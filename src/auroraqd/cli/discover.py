@@ -6,8 +6,9 @@ import signal
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 from rich.text import Text
@@ -35,6 +36,18 @@ if TYPE_CHECKING:
     from auroraqd.callbacks.loggers import Logger
     from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
+
+
+class _Plan(NamedTuple):
+    """What a command needs to know of a run that the run itself does not say."""
+
+    task: str
+    descriptor: str
+    generations: int
+    asynchronous: bool
+    config: dict[str, Any] | None
+    compile: Callable[[], object]
+
 
 OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
 
@@ -181,6 +194,17 @@ def resume(
     generations: Annotated[
         int | None, typer.Option("--generations", "-n", help="In all, to go on further. [default: those of the run]")
     ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(help="As of `auroraqd run`, for a run that was saved from Python. [default: the one it was saved with]"),
+    ] = None,
+    trusted: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Full name of a type, beyond scikit-learn's, that may be created to load the run: mymodule.MyEncoder. Several "
+            "times for several."
+        ),
+    ] = None,
     any_environment: Annotated[
         bool, typer.Option("--any-environment", help="Go on with other versions or on another machine: no longer bit for bit.")
     ] = False,
@@ -197,27 +221,79 @@ def resume(
     """
     from auroraqd.runs import folders
 
-    settings, logs = _settings_in(folder), loggers(log)
+    logs, spread_over = loggers(log), spreading(jobs, scheduler, timeout)
+    if "task" not in (config := folders.load_config(folder)):  # it was saved from Python
+        found, aurora, plan = _saved_from_python(folder, config, generations, task, trusted or (), any_environment)
+        return _grow(found, aurora, plan, folder, figures, checkpoint_every, spread_over, logs)
+    if task is not None or trusted:
+        raise UserError(f"--task and --trusted are for runs that were saved from Python, and {folder} says what it needs")
+    settings = _settings_in(folder)
     if generations is not None:
         settings = replace(settings, generations=generations)
     with busy("loading"), warnings_said():
         if any((folder / name).is_file() for name in (folders.REPERTOIRE, folders.PREVIOUS)):
-            task, aurora = settings.build_task(), folders.resume(folder, any_environment=any_environment)
-            aurora.run(task, generations=0)  # says so if the code of the task has changed
+            found, aurora = settings.build_task(), folders.resume(folder, any_environment=any_environment)
+            aurora.run(found, generations=0)  # says so if the code of the task has changed
         else:  # it ended before its first checkpoint
-            task, aurora = settings.build()
-    if getattr(task, "n_genes", None) != aurora.n_genes:
-        raise UserError(f"task {settings.task} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
+            found, aurora = settings.build()
+    _check_goes_on(settings.task, found, aurora, folder, settings.generations)
     differ = _differences(settings, aurora) + (folders.changed(folder, settings.as_json()) if aurora.generation else [])
     differ = list({text.split()[0]: text for text in reversed(differ)}.values())
     if differ:
         raise UserError(f"{folder}/config.json has been changed, {', '.join(differ)}: the run cannot go on with it")
-    if aurora.generation >= settings.generations:
+    _grow(found, aurora, _plan(settings), folder, figures, checkpoint_every, spread_over, logs)
+
+
+def _saved_from_python(
+    folder: Path,
+    config: dict[str, Any],
+    generations: int | None,
+    task: str | None,
+    trusted: Sequence[str],
+    any_environment: bool,
+) -> "tuple[Any, Aurora, _Plan]":
+    """Task, run, and what else there is to know of a run that `auroraqd.save` or `Checkpoints` left."""
+    from auroraqd.experiments import Settings
+    from auroraqd.experiments.settings import task_of
+    from auroraqd.runs import folders
+
+    named = task or task_of(config)
+    if named is None:
         raise UserError(
-            f"{folder} is at its end, generation {aurora.generation} of {settings.generations}: "
+            f"{folder} was saved from Python, and its task cannot be imported from anywhere: say where it is, "
+            "--task mymodule:my_task, or go on with it from Python, by auroraqd.resume"
+        )
+    with busy("loading"), warnings_said():
+        found = Settings(task=named).build_task()
+        aurora = folders.resume(folder, trusted=trusted, any_environment=any_environment)
+        aurora.run(found, generations=0)  # says so if the code of the task has changed
+    if generations is None:
+        raise UserError(
+            f"{folder} was saved from Python at generation {aurora.generation}, and does not say how many there are to be: "
+            "give --generations, all in all"
+        )
+    _check_goes_on(named, found, aurora, folder, generations)
+    kept = folders.given(aurora, config)
+    descriptor, in_parts = f"{config.get('descriptor', aurora.descriptor)}", len(aurora.events) > 0
+    return found, aurora, _Plan(named, descriptor, generations, in_parts, kept, compile=lambda: None)
+
+
+def _check_goes_on(name: str, task: Any, aurora: "Aurora", folder: Path, generations: int) -> None:
+    """Make sure that a run can go on with a task, and has not come to its end."""
+    if getattr(task, "n_genes", None) != aurora.n_genes:
+        raise UserError(f"task {name} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
+    if aurora.generation >= generations:
+        raise UserError(
+            f"{folder} is at its end, generation {aurora.generation} of {generations}: "
             "--generations with a larger number goes on"
         )
-    _grow(task, aurora, settings, folder, figures, checkpoint_every, spreading(jobs, scheduler, timeout), logs)
+
+
+def _plan(settings: "Settings") -> _Plan:
+    of = settings
+    return _Plan(
+        of.task, of.descriptor, of.generations, of.asynchronous, of.as_json(), compile=partial(compile_kernels, settings)
+    )
 
 
 def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
@@ -237,8 +313,7 @@ def _settings_in(folder: Path) -> "Settings":
     config = load_config(folder)
     if "task" not in config:
         raise UserError(
-            f"{folder} was saved from Python and names no task: go on with it there, by auroraqd.resume; only what "
-            "`auroraqd run` made can be run from here"
+            f"{folder} was saved from Python and has no settings to begin with: only what `auroraqd run` made can be repeated"
         )
     try:
         return Settings.from_json(config)
@@ -260,13 +335,13 @@ def _run(
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
-    _grow(task, aurora, settings, out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
+    _grow(task, aurora, _plan(settings), out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
 
 
 def _grow(
     task: Any,
     aurora: "Aurora",
-    settings: "Settings",
+    plan: _Plan,
     out: Path,
     figures: bool,
     every: float,
@@ -276,7 +351,7 @@ def _grow(
     overwrite: bool = False,
     events: Any = None,
 ) -> None:
-    """Run until the generations of the settings are done, with checkpoints; whatever ends it, show what was found.
+    """Run until the generations that are planned are done, with checkpoints; whatever ends it, show what was found.
 
     With the `events` of another run, do them again.
     """
@@ -285,19 +360,19 @@ def _grow(
     from auroraqd.callbacks.progress import RunProgress, training_told
     from auroraqd.runs.checkpoints import LOCK, Checkpoints
 
-    if settings.asynchronous and spread_over is None and events is None:
+    if plan.asynchronous and spread_over is None and events is None:
         raise UserError("an asynchronous run needs workers: give --jobs or --scheduler too")
     failure: BaseException | None = None
     here = Path.cwd()
-    bold = (settings.task, "bold"), (settings.descriptor, "bold")
-    console.print(Text.assemble(bold[0], ", descriptor ", bold[1], f", seed {settings.seed}"))
+    bold = (plan.task, "bold"), (plan.descriptor, "bold")
+    console.print(Text.assemble(bold[0], ", descriptor ", bold[1], f", seed {aurora.seed}"))
     for polite_end in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a cluster, of a closed terminal
         signal.signal(polite_end, signal.default_int_handler)
     checkpoints = Checkpoints(
         aurora,
         out,
         every=every,
-        config=settings.as_json(),
+        config=plan.config,
         overwrite=overwrite,
         report=lambda text: errors.print(text, highlight=False),
     )
@@ -305,15 +380,15 @@ def _grow(
         try:
             slow = "compiling kernels, which takes some 10 s the first time"
             with ExitStack() as said, compiling(lambda: said.enter_context(busy(slow, log=True))):
-                compile_kernels(settings)
-            progress = RunProgress(console, settings.generations, aurora.evaluations)
+                plan.compile()
+            progress = RunProgress(console, plan.generations, aurora.evaluations)
             workers = nullcontext(task) if spread_over is None else spread_over(task)
             with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
                 callbacks = (progress, checkpoints, *logs)
                 if events is not None:
                     asynchronous.replay(aurora, spread, events, callbacks)
                 else:
-                    until, in_parts = settings.generations, settings.asynchronous
+                    until, in_parts = plan.generations, plan.asynchronous
                     aurora.run(spread, until_generation=until, callback=callbacks, asynchronous=in_parts)
         except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
             failure = error

@@ -91,11 +91,11 @@ def explore(
 def _robot(config: Mapping[str, Any], named: str | None) -> Any:
     """The task that is named, or else that of the run, if it is a robot that MuJoCo draws; or None."""
     from auroraqd.experiments import Settings
-    from auroraqd.provenance import importable
+    from auroraqd.experiments.settings import task_of
     from auroraqd.tasks import Gym
 
     try:
-        task = Settings(task=named or config.get("task") or importable(config) or "ballistic").build_task()
+        task = Settings(task=named or task_of(config) or "ballistic").build_task()
     except ValueError:
         if named is not None:
             raise

@@ -17,6 +17,7 @@ from auroraqd.observations import features_of, has_streams, streams_of
 
 _TYPICAL = 0.99  # share of the individuals that say how large the others may be
 _FEWEST = 20  # individuals: of fewer nobody can say which is not like the others
+_BLOCK = 2**18  # bytes looked at together, which fit into a cache
 _FAR = 10.0  # times as far from the middle as `_TYPICAL` of the individuals
 
 
@@ -31,7 +32,7 @@ def far_outside(observation: np.ndarray) -> np.ndarray:
     if len(observation) < _FEWEST or observation.dtype.itemsize == 1:  # pixels have no room for it
         return np.zeros(len(observation), bool)
     rows = _by_channel(observation)
-    low, high = rows.min(axis=1).astype(np.float64), rows.max(axis=1).astype(np.float64)
+    low, high = _by_row(np.minimum, rows).astype(np.float64), _by_row(np.maximum, rows).astype(np.float64)
     middle = 2 * np.median(low / 4 + high / 4, axis=0)
     with np.errstate(over="ignore"):  # at the ends of float64: infinitely far is far
         far = beyond(np.maximum(high - middle, middle - low), _FAR)
@@ -55,6 +56,26 @@ def _by_channel(observation: np.ndarray) -> np.ndarray:
     return observation.reshape(len(observation), -1, observation.shape[-1] if observation.ndim > 1 else 1)
 
 
+def _by_row(extreme: np.ufunc, rows: np.ndarray) -> np.ndarray:
+    """The least or the largest entry of each row and channel, (n, entries, channels) to (n, channels).
+
+    Halves are laid over each other: `reduce` along the middle axis has loops as short as there are channels, and takes five
+    times as long.
+    """
+    found = np.empty((len(rows), rows.shape[2]), rows.dtype)
+    block = max(1, _BLOCK // (rows[:1].nbytes or 1))
+    for start in range(0, len(rows), block):
+        part = rows[start : start + block]
+        while (entries := part.shape[1]) > 1:
+            half = entries // 2
+            folded = extreme(part[:, :half], part[:, half : 2 * half])
+            if entries % 2:
+                extreme(folded[:, 0], part[:, -1], out=folded[:, 0])
+            part = folded
+        found[start : start + block] = part[:, 0]
+    return found
+
+
 class Scaling(NamedTuple):
     """Each channel (last axis) of an observation from its range to [-1, 1]; a constant channel to 0.
 
@@ -71,8 +92,10 @@ class Scaling(NamedTuple):
         """The range of each channel of (n, ..., channels), or of each channel of each stream, which may have weights."""
         if has_streams(observation):
             return cls._of_streams(observation, weights or {})
-        channels = _by_channel(observation)
-        return cls(*(ends.astype(np.float64) for ends in (channels.min(axis=(0, 1)), channels.max(axis=(0, 1)))))
+        # Over the individuals first, which is along memory.
+        ends = (_by_channel(end[None])[0] for end in (observation.min(axis=0), observation.max(axis=0)))
+        low, high = (extreme(end, axis=0).astype(np.float64) for extreme, end in zip((np.min, np.max), ends, strict=True))
+        return cls(low, high)
 
     @classmethod
     def _of_streams(cls, observation: np.ndarray, weights: Mapping[str, float]) -> "Scaling":

@@ -19,6 +19,7 @@ from auroraqd.descriptors.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
 from auroraqd.descriptors.scaling import Scaling
 from auroraqd.emitters import selection, variation
 from auroraqd.experiments.options import built, imported, keyword_parameters
+from auroraqd.provenance import importable, task_in
 from auroraqd.runs.parts import as_json
 from auroraqd.tasks import AirHockey, Ballistic, TaskError, evaluated, name_of
 from auroraqd.tasks.noise import seeds_of
@@ -353,6 +354,20 @@ class Settings:
         for name, kinds in STRATEGIES.items():
             given[name] = _made(name, kinds, given[name])
         return cls(**given)
+
+
+def task_of(config: Mapping[str, Any]) -> str | None:
+    """The task of a run folder as the `task` of settings, also of one that was saved from Python; None where none is known that
+    can be imported.
+    """
+    if isinstance(config.get("task"), str):
+        return config["task"]
+    home, text = importable(config), (task_in(config) or {}).get("repr")
+    for name, kind in TASKS.items():
+        if home == f"{kind.__module__}:{kind.__qualname__}":
+            options = str(text or "").partition("(")[2].rstrip(")").replace(" ", "")
+            return f"{name}:{options}" if options else name
+    return home
 
 
 def _made(name: str, kinds: Mapping[str, Any], value: Any) -> Any:

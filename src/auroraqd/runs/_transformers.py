@@ -78,7 +78,8 @@ def _from_zip(content: bytes, trusted: Sequence[str]) -> Any:
         return skops.io.loads(_renamed(content), trusted=[*_TRUSTED, *trusted])
     except UntrustedTypesFoundException as error:
         raise _Refused(
-            f"the descriptor needs types that are not trusted. {error}. If you trust them, name them: trusted=[...]"
+            f"the descriptor needs types that are not trusted. {f'{error}'.rstrip('.')}. If you trust them, name them: "
+            "trusted=[...], or --trusted"
         ) from None
     except (ImportError, AttributeError) as error:
         raise _Refused(f"the descriptor needs a type that cannot be imported here: {error}") from None

@@ -268,6 +268,12 @@ def load_config(folder: str | os.PathLike) -> dict[str, Any]:
     return config
 
 
+def given(aurora: Aurora, config: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What was given to `save` as settings of a run, by what `load_config` found; None if it was nothing."""
+    kept = {name: value for name, value in config.items() if name not in ("environment", "provenance")}
+    return None if kept == json.loads(json.dumps(settings_of(aurora))) else kept
+
+
 def load_history(folder: str | os.PathLike) -> list[Record]:
     """The records of a run folder.
 

@@ -95,9 +95,11 @@ def as_evaluation(result: Any, n: int) -> Evaluation:
 
 def _is_observation(result: Any) -> bool:
     """Whether it is an observation alone; (n,) may be fitness."""
+    if isinstance(result, tuple):
+        return False
     if isinstance(result, Mapping) or (isinstance(result, np.ndarray) and result.dtype.names is not None):
         return True
-    return not isinstance(result, tuple) and hasattr(result, "__array__") and np.ndim(result) > 1
+    return hasattr(result, "__array__") and np.ndim(result) > 1
 
 
 def checked(evaluation: Evaluation, n: int) -> Evaluation:
