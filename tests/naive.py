@@ -223,6 +223,26 @@ def credit(curiosity, stored_ids, ids, status):
     return result
 
 
+def settled(rows, occupants, next_id):
+    """Individuals take their rows, one after the other; the occupants, a list of ids by row, change.
+
+    Returns who stays, the ids of those that went, and the rows, -1 of those that do not stay.
+    """
+    mine, gone = {}, []
+    for i, row in enumerate(rows):
+        if row < 0:
+            continue
+        if row < len(occupants):
+            gone.append(occupants[row])
+            occupants[row] = next_id
+        else:
+            occupants.append(next_id)
+        mine[next_id] = i
+        next_id += 1
+    staying = [i for id, i in mine.items() if id not in gone]
+    return staying, gone, [row if i in staying else -1 for i, row in enumerate(rows)]
+
+
 def fill(mutated, spins):
     """A gene for each row that has none."""
     return [

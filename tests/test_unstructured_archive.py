@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from auroraqd import UnstructuredArchive
-from auroraqd.archives import _neighbours
+from auroraqd.archives import _neighbours, base
 
 
 def fill(archive, descriptor, fitness=None, batch=64):
@@ -213,6 +213,32 @@ def test_near_copies_agree_with_the_twin(scale, competition):
     twin = naive.UnstructuredArchive(0.05 * scale, k=5, competition=competition)
     assert_array_equal(fill(archive, rows, fitness), twin.add(rows, fitness))
     assert_agree(archive, twin)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_places_taken_agree_with_their_twin(seed):
+    rng = np.random.default_rng(seed)
+    size, n = int(rng.integers(0, 6)), int(rng.integers(1, 12))
+    occupants = rng.permutation(20)[:size].tolist()
+    rows, status, free = [], [], size
+    for _ in range(n):
+        new = rng.random() < 0.3
+        rows.append(free if new else int(rng.integers(-1, free)))
+        status.append(base.NEW if new else base.REPLACED if rows[-1] >= 0 else base.REJECTED)
+        free += new
+    ids, places = np.full(size + n, -7), np.zeros(20 + n, np.int32)
+    ids[:size], places[occupants] = occupants, np.arange(1, size + 1)
+    row = np.array(rows)
+    assert base._sound(np.array(status, np.int8), row, size)
+    wrong = row.copy()
+    wrong[rng.integers(n)] = free + 1
+    assert not base._sound(np.array(status, np.int8), wrong, size)
+    after, next_id, staying, removed = base._settled(row, size, 20, ids, places)
+    wanted = naive.settled(rows, occupants, 20)
+    assert (staying.tolist(), removed.tolist(), row.tolist()) == wanted
+    assert (after, next_id) == (len(occupants), 20 + sum(r >= 0 for r in rows))
+    assert ids[:after].tolist() == occupants
+    assert {id: place - 1 for id, place in enumerate(places) if place} == {id: row for row, id in enumerate(occupants)}
 
 
 @given(st.integers(0, 2**32 - 1))
