@@ -39,7 +39,7 @@ from auroraqd.control.resolution import VAT, Automatic
 from auroraqd.control.schedule import Doubling
 from auroraqd.control.update import FIRST_FITS, Attempts, RefusedUpdate, Update, updated
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Transformer
-from auroraqd.emitters.base import Shared, shared
+from auroraqd.emitters.base import Calls, Shared, shared
 from auroraqd.emitters.genetic import Genetic
 from auroraqd.emitters.proposal import Asked, Event, Proposal
 from auroraqd.emitters.selection import Curiosity
@@ -273,12 +273,19 @@ class Aurora:
 
         Raises:
             ValueError: there is none with this ticket; see `tell`.
+            EmitterError: an emitter raised when it was told so. It is withdrawn.
         """
         asked = self._asked_for(whole("ticket", ticket, least=0))
+        calls = Calls(f"at generation {self.generation}")
         with uninterrupted():
             self._forget(asked)
             if not asked.alone:
                 self._happened(Event.WITHDRAWN, ticket - self._ticket_base)
+            for which, emitter in enumerate(self._emitters.emitters):
+                rows = asked.proposal.emitter == which
+                if rows.any():
+                    calls.call(emitter, "withdrawn", asked.proposal.genotype[rows])
+        calls.end()
 
     def _happened(self, kind: Event, value: int) -> None:
         self._events.extend((kind, value))
@@ -323,6 +330,8 @@ class Aurora:
             RuntimeError: nothing was asked for.
             ValueError: wrong shape or number of rows; or a ticket that was never given, is of another run, or was told or
                 withdrawn before. The batch can be told again; nothing else has changed.
+            EmitterError: an emitter raised when it was told what became of its genotypes, or that the descriptor has changed.
+                The individuals are told.
         """
         asked = self._asked_for(ticket)
         evaluation = checked(Evaluation(fitness, observation, ground_truth), len(asked.proposal.genotype))
@@ -445,6 +454,7 @@ class Aurora:
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
             DescriptorError: the descriptor could not be fitted or does not describe.
+            EmitterError: an emitter raised when it was told; what was found is kept, and the next call goes on.
             TypeError: the task cannot be called.
             ValueError: no budget, or a negative one.
 
@@ -538,11 +548,12 @@ class Aurora:
         legible = batch.chosen(readable)
         described = _described(legible, self._descriptor if update is None else update.descriptor)
         # Up to here anything may raise, or be interrupted: fitting takes long. From here on the state changes.
+        calls = Calls(f"at generation {self.generation}")
         with uninterrupted():
-            if update is not None and (refusal := self._take(update)) is not None:
+            if update is not None and (refusal := self._take(update, calls)) is not None:
                 described = _described(legible, self._descriptor)
             said = self._try_again(refusal, tried=update is not None)
-            status = self._added(batch, described, valid, readable)
+            status = self._added(batch, described, valid, readable, calls)
             self.archive.credited(batch["parent"], status)
             follows = self.resolution is None or hasattr(self.resolution, "control")  # l is no matter of updates
             alone = update is not None and refusal is None and update.l is None and not follows
@@ -551,6 +562,7 @@ class Aurora:
             errors = None if first_fit else described.get("reconstruction_error")
             self._done(asked, status, _NO_ERROR if errors is None else errors[valid[readable]])
         _say(said)
+        calls.end()
         return status[-n:]
 
     def _too_few(self, batch: Columns, valid: np.ndarray) -> bool:
@@ -570,7 +582,7 @@ class Aurora:
         _say(said)
         return status[-len(asked.proposal.genotype) :]
 
-    def _added(self, batch: Columns, described: Columns, valid: np.ndarray, readable: np.ndarray) -> np.ndarray:
+    def _added(self, batch: Columns, described: Columns, valid: np.ndarray, readable: np.ndarray, calls: Calls) -> np.ndarray:
         """Add those of a batch that are valid, (n,) bool, and tell the emitters what became of all.
 
         Described are those that are readable, (n,) bool.
@@ -587,7 +599,7 @@ class Aurora:
             rows = batch["emitter"] == which
             if rows.any():
                 of_its_own = Info(info.status[rows], info.row[rows], info.removed)
-                self._emitters.emitters[which].tell(self.archive, told.take(rows), of_its_own)
+                calls.call(self._emitters.emitters[which], "tell", self.archive, told.take(rows), of_its_own)
         return info.status
 
     def _recall(self, asked: Asked, status: np.ndarray) -> None:
@@ -646,7 +658,7 @@ class Aurora:
         )
         return update if stored else update._replace(values=update.values[:0], error=None)
 
-    def _take(self, update: Update) -> RefusedUpdate | None:
+    def _take(self, update: Update, calls: Calls) -> RefusedUpdate | None:
         """Take over a new descriptor: redefine l and add all again; or say why it is not taken."""
         stored = len(self.archive)
         least = math.ceil(self.survival * min(stored, getattr(self.resolution, "individuals", stored)))
@@ -659,8 +671,7 @@ class Aurora:
             )
         self._descriptor = update.descriptor
         for emitter in self._emitters.emitters:
-            if hasattr(emitter, "updated"):
-                emitter.updated(self.archive, partial(_described, descriptor=self._descriptor))
+            calls.call(emitter, "updated", self.archive, partial(_described, descriptor=self._descriptor))
         return None
 
     def _try_again(self, refusal: RefusedUpdate | None, *, tried: bool) -> str | None:
