@@ -193,7 +193,9 @@ def test_saving_says_that_its_state_is_not_saved(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         auroraqd.save(aurora, tmp_path / "run")  # once is enough
-    with pytest.raises(ValueError, match=r"make must be callable.*resume\(\.\.\., emitter="):
+    with pytest.raises(
+        ValueError, match=r"with cma as make, which is not of auroraqd: give it again, resume\(\.\.\., emitter="
+    ):
         auroraqd.resume(tmp_path / "run")
     again = auroraqd.resume(tmp_path / "run", emitter=Ribs(cma))
     assert again.run(TASK, generations=5).generation == 8

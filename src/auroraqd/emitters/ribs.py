@@ -104,7 +104,7 @@ class CMA:
         one_of("ranker", self.ranker, _RANKERS)
         one_of("es", self.es, _STRATEGIES)
 
-    def __call__(self, archive: Elites, n_genes: int, seed: int) -> Any:
+    def __call__(self, archive: Any, n_genes: int, seed: int) -> Any:
         """See `Ribs`."""
         from ribs.emitters import EvolutionStrategyEmitter  # pyright: ignore[reportMissingImports] - optional
 
@@ -133,7 +133,7 @@ class IsoLine:
         _check_step(self.sigma, self.batch_size)
         number("line_sigma", self.line_sigma)
 
-    def __call__(self, archive: Elites, n_genes: int, seed: int) -> Any:
+    def __call__(self, archive: Any, n_genes: int, seed: int) -> Any:
         """See `Ribs`."""
         from ribs.emitters import IsoLineEmitter  # pyright: ignore[reportMissingImports] - optional
 
@@ -159,7 +159,7 @@ class Gaussian:
     def __post_init__(self) -> None:
         _check_step(self.sigma, self.batch_size)
 
-    def __call__(self, archive: Elites, n_genes: int, seed: int) -> Any:
+    def __call__(self, archive: Any, n_genes: int, seed: int) -> Any:
         """See `Ribs`."""
         from ribs.emitters import GaussianEmitter  # pyright: ignore[reportMissingImports] - optional
 
