@@ -41,7 +41,7 @@ def as_json(part: Any) -> Any:
     if part is None:
         return None
     arguments = {} if isinstance(part, type) else _arguments(part)
-    if arguments is None or not arguments and hasattr(part, "__qualname__"):
+    if arguments is None or (not arguments and hasattr(part, "__qualname__")):
         return getattr(part, "__qualname__", _called(type(part)))
     values = {"type": _called(type(part)), **{name: _argument(value) for name, value in arguments.items()}}
     try:
