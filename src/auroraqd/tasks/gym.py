@@ -27,7 +27,8 @@ class Gym:
 
     Observations are what is chosen at `samples` moments, (n, samples, chosen); the ground truth is the last of them,
     (n, chosen). Where the environment's own observation is a Dict, of joints and a camera for instance, its parts are streams,
-    each (n, samples, ...) in its own shape and dtype, and there is no ground truth. An individual whose simulation diverges, or whose controller returns a NaN, is invalid.
+    each (n, samples, ...) in its own shape and dtype, and there is no ground truth. An individual whose simulation diverges, or
+    whose controller returns a NaN, is invalid.
 
     The task chooses how to simulate. What an open-loop controller does with a robot of MuJoCo is computed by MuJoCo's own
     multi-threaded rollout, of whole batches, when nothing asks for more than positions and velocities, and the environment's
