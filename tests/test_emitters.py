@@ -189,6 +189,10 @@ class Faulty:
         raise OSError("never mind")
 
 
+class Callable:
+    def __call__(self, archive, n, rng): ...
+
+
 class Watch:
     """A callback that knows who was evaluated."""
 
@@ -253,6 +257,18 @@ def test_what_is_withdrawn_is_withdrawn_whatever_emitters_say():
 
 
 @pytest.mark.parametrize(
+    ("part", "text"),
+    [
+        (Genetic(stored), "Genetic(selection=stored, variation=Polynomial(rate=0.1, eta=10.0, at_least_one=True))"),
+        (NSLC(5, variation=same), "NSLC(population=5, k=15, variation=same)"),
+        (auroraqd.Mixed(Callable(), min), "Mixed(a=Callable, b=min)"),
+    ],
+)
+def test_a_repr_says_what_functions_are_called(part, text):
+    assert repr(part) == text
+
+
+@pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Goals(random=2), "random must"),
@@ -262,7 +278,8 @@ def test_what_is_withdrawn_is_withdrawn_whatever_emitters_say():
         (lambda: NSLC(k=0), "k must"),
         (lambda: NSLC(variation=auroraqd.IsoLine()), "variation must be of one parent"),
         (lambda: NSLC(variation="polynomial"), "variation must be callable"),
-        (lambda: TAXONS(6, elite=4), "elite must be a whole number, from 0 to 3"),
+        (lambda: TAXONS(6, elite=4), "population must be at least twice elite, which is 4, got 6"),
+        (lambda: TAXONS(5), "population must be at least twice elite, which is 5, got 5"),
         (lambda: TAXONS(first=-1), "first must"),
     ],
 )

@@ -180,6 +180,11 @@ def test_from_the_command_line_it_goes_on(tmp_path):
     assert len(auroraqd.load(tmp_path / "run").history.records) == 5
 
 
+def test_its_repr_says_what_makes_it():
+    assert repr(Ribs(cma)) == "Ribs(make=cma)"
+    assert repr(Ribs(Gaussian())) == "Ribs(make=Gaussian(sigma=0.1, batch_size=36))"
+
+
 def test_without_pyribs_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr("auroraqd.emitters.ribs.find_spec", lambda _: None)
     with pytest.raises(ValueError, match=r'^pyribs is not installed: pip install "auroraqd\[ribs\]"$'):

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from auroraqd._checks import (
     MOST_SEED,
+    check_genotypes,
     finite_rows,
     flag,
     function,
@@ -261,9 +262,7 @@ class Aurora:
         if not isinstance(found, tuple) or len(found) != 2:
             raise ValueError(f"{called} a tuple of genotypes and their parents, got {type(found).__name__}")
         genotype, parent = numbers(f"{called} genotypes that", found[0]), whole_numbers(f"{called} parents that", found[1])
-        shape = n, self.n_genes
-        if genotype.shape != shape or not (genotype.min() >= 0 and genotype.max() <= 1):
-            raise ValueError(f"{called} genotypes of shape {shape} in [0, 1], got shape {genotype.shape}")
+        check_genotypes(called, genotype, (n, self.n_genes))
         if parent.shape != (n,) or parent.min() < -1 or parent.max() >= self.archive.state["next_id"]:
             raise ValueError(f"{called} parents as ({n},) ids of individuals of the archive, or -1, got {shown(parent)}")
         return genotype, parent
@@ -459,7 +458,8 @@ class Aurora:
             ValueError: no budget, or a negative one.
 
         Warns:
-            UserWarning: the run was resumed, and the task, its arguments or its code are others than before.
+            UserWarning: the run was resumed, and the task, its arguments or its code are others than before; or, at the end,
+                the task has never given a valid individual.
         """
         from auroraqd.running import Budget, run
 
@@ -485,16 +485,22 @@ class Aurora:
             self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
     @property
+    def _all_invalid(self) -> bool:
+        """Whether there was not one valid individual."""
+        return self._counts["invalid"] == self.evaluations
+
+    @property
     def _hopeless(self) -> bool:
-        """Whether many generations have not given one valid individual."""
-        return self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations
+        """Whether there was none in many generations."""
+        return self.generation >= _PATIENCE and self._all_invalid
 
     def _checked_genotypes(self, name: str, genotypes: ArrayLike) -> np.ndarray:
         children = numbers(name, genotypes, f" of shape (n, {self.n_genes})").copy()
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
             raise ValueError(f"{name} must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
-        if not ((children >= 0) & (children <= 1)).all():
-            raise ValueError(f"{name} must be in [0, 1]")
+        outside = children[~((children >= 0) & (children <= 1))]
+        if len(outside):
+            raise ValueError(f"{name} must be in [0, 1], got {outside[0]:g}")
         return children
 
     def _check_as_before(self, evaluation: Evaluation) -> None:
@@ -647,14 +653,19 @@ class Aurora:
             return None
         sources = archive.columns if stored else individuals
         enough = sources.rows >= self._descriptor.rows_to_fit(features_of(sources["observation"]))
-        follows = hasattr(self.resolution, "control")  # then it is asked for l once, and changes it from there
+        refit = not self._descriptor.ready or (self._refits and enough)
+        resolution = self.resolution
+        if stored and hasattr(resolution, "control"):  # then it was asked for l once, and changes it from there
+            l = archive.l if isinstance(archive, UnstructuredArchive) else 0.0
+            scales = refit and l > 0 and hasattr(resolution, "rescaled")
+            resolution = partial(resolution.rescaled, l, archive.descriptor) if scales else None
         update = updated(
             self._descriptor,
             sources,
             archive.descriptor if stored and self._descriptor.ready else None,
-            refit=not self._descriptor.ready or (self._refits and enough),
+            refit=refit,
             robust=self.robust,
-            resolution=None if follows and stored else self.resolution,
+            resolution=resolution,
         )
         return update if stored else update._replace(values=update.values[:0], error=None)
 

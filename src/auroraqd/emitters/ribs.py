@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd._checks import number, numbers, one_of, shown, whole
+from auroraqd._checks import in_words, number, numbers, one_of, shown, whole
 from auroraqd.archives.base import INVALID, NEW, REJECTED, REPLACED, Archive, Info
 from auroraqd.individuals import Columns
 
@@ -240,6 +240,8 @@ class Ribs:
     """
 
     make: Callable[[Any, int, int], Any]
+
+    __repr__ = in_words
 
     def __post_init__(self) -> None:
         if not callable(self.make):
