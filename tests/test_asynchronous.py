@@ -104,6 +104,7 @@ def test_workers_that_die_cost_their_individual():
 def test_tickets_are_told_in_any_order_and_withdrawn():
     aurora = made()
     first, second, third = (aurora.ask(n) for n in (7, 8, 9))
+    assert "genotype: float64 (7, 3), parent=[-1 -1 -1 -1 -1 -1 -1]" in repr(first)
     assert [len(p.genotype) for p in aurora.out] == [7, 8, 9]
     assert_array_equal(np.concatenate([first.born, second.born, third.born]), np.arange(24))
     aurora.tell(*uneven_batch(third.genotype, None), ticket=third.ticket)

@@ -338,6 +338,15 @@ def test_a_task_that_never_works():
             Aurora(2, descriptor).run(broken, generations=20)
 
 
+def test_a_short_run_without_a_valid_individual_says_so_at_its_end():
+    broken = named(lambda g: (np.full(len(g), np.nan), np.ones((len(g), 3))))
+    aurora = Aurora(2, PCA(n_components=2))
+    with pytest.warns(UserWarning, match="^task circle gave no valid individual in 5 generations: .* all 1000 eval") as said:
+        aurora.run(broken, generations=5)
+    assert len(said) == 1
+    aurora.run(broken, generations=0)  # nothing new
+
+
 def named(function):
     function.__name__ = "circle"
     return function
@@ -514,11 +523,18 @@ def test_known_controllers_wait_for_a_pending_batch(ballistic):
     assert [len(batch) for batch in seen] == [200, 1]
 
 
+class Outside:
+    def ask(self, archive, n, rng):
+        return np.full((n, 2), -0.5), np.full(n, -1)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"variation": lambda parents, rng: parents[:5]}, r"variation must return genotypes of shape \(200, 2\)"),
-        ({"variation": lambda parents, rng: parents + 2}, "variation must return"),
+        ({"variation": lambda parents, rng: parents * 0 + 2}, r"variation must return genotypes in \[0, 1\], got 2$"),
+        ({"variation": lambda parents, rng: parents * np.nan}, r"variation must return genotypes in \[0, 1\], got nan$"),
+        ({"emitter": Outside()}, r"emitter Outside must return genotypes in \[0, 1\], got -0\.5$"),
         ({"selection": lambda archive, n, rng: np.zeros(3, int)}, r"selection must return \(200,\) rows"),
         ({"selection": lambda archive, n, rng: np.full(n, len(archive))}, "selection must return"),
         ({"selection": lambda archive, n, rng: np.zeros(n)}, "selection must return"),

@@ -19,6 +19,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 import auroraqd
+from auroraqd.emitters import Genetic, Goals
 from auroraqd.runs import checkpoints, folders
 
 TASK = auroraqd.tasks.Ballistic()
@@ -135,13 +136,85 @@ class Slow:
 def test_parts_of_ones_own_are_given_again(tmp_path):
     auroraqd.save(make(schedule=Slow()).run(TASK, generations=3), tmp_path)
     with pytest.raises(
-        ValueError, match=r"schedule was .*Slow.*which is not of auroraqd: give it again, resume\(\.\.\., schedule="
+        ValueError,
+        match=r"schedule was .*Slow.*which is not of auroraqd: give it again, resume\(\.\.\., schedule=\.\.\.\), or trust it, "
+        r"trusted=\['test_checkpoints.Slow'\]",
     ):
         auroraqd.resume(tmp_path)
     aurora = auroraqd.resume(tmp_path, schedule=Slow()).run(TASK, generations=60)
     assert_array_equal(aurora.archive.genotype, make(schedule=Slow()).run(TASK, generations=63).archive.genotype)
     with pytest.raises(TypeError, match=r"resume takes a selection, .* not shedule"):
         auroraqd.resume(tmp_path, shedule=Slow())
+
+
+class Fading:
+    """An emitter of the user's own: no dataclass, with arguments, and a memory."""
+
+    def __init__(self, spread: float, *, decay: float = 0.9, inner: object = None):
+        self.spread, self.decay, self.inner, self.asked = spread, decay, inner, 0
+
+    def ask(self, archive, n, rng):
+        self.asked += 1
+        rows = rng.integers(len(archive), size=n)
+        step = self.spread * self.decay**self.asked * rng.normal(size=(n, archive.genotype.shape[1]))
+        return np.clip(archive.genotype[rows] + step, 0, 1), archive.id[rows]
+
+    def state(self):
+        return {"asked": self.asked}
+
+    def restore(self, state):
+        self.asked = state["asked"]
+
+
+class Forgetful(Fading):
+    """One that does not say what it was made with."""
+
+    def __init__(self, width: float = 0.1):
+        super().__init__(width)
+
+
+class Anyone:
+    """A selection of the user's own."""
+
+    def __call__(self, archive, n, rng):
+        return rng.integers(len(archive), size=n)
+
+
+OWN = [f"test_checkpoints.{kind.__name__}" for kind in (Fading, Forgetful, Anyone)]
+
+
+@pytest.mark.parametrize(
+    "emitter",
+    [Fading(np.float32(0.25), decay=0.5), [Fading(0.2, inner=Anyone()), Goals()], [Genetic(Anyone()), Goals()]],
+    ids=["arguments", "parts", "selection"],
+)
+def test_emitters_of_ones_own_are_made_again_if_they_are_trusted(emitter, tmp_path):
+    aurora = make(emitter=emitter).run(TASK, generations=3)
+    auroraqd.save(aurora, tmp_path)
+    with pytest.raises(ValueError, match=r"which is not of auroraqd: .* or trust it, trusted=\['test_checkpoints\."):
+        auroraqd.resume(tmp_path)
+    again = auroraqd.resume(tmp_path, trusted=OWN)
+    assert_array_equal(again.run(TASK, generations=2).archive.genotype, aurora.run(TASK, generations=2).archive.genotype)
+    with auroraqd.Checkpoints(again, tmp_path):  # it is known to be the same run
+        pass
+
+
+@pytest.mark.parametrize(
+    ("emitter", "message"),
+    [
+        (Forgetful(), r"emitter was 'test_checkpoints\.Forgetful', which is not of auroraqd: give it again"),
+        (Fading(0.1, inner=np.eye(2)), r"with numpy\.ndarray as inner, which is not of auroraqd: give it again"),
+        (Fading(0.1, inner=make), r"with make as inner, which is not of auroraqd: give it again"),
+        (Fading(0.1, inner=[object()]), r"emitter was 'test_checkpoints\.Fading', which is not of auroraqd"),
+    ],
+)
+def test_what_does_not_say_how_it_was_made_is_given_again(emitter, message, tmp_path):
+    aurora = make(emitter=emitter).run(TASK, generations=3)
+    auroraqd.save(aurora, tmp_path)
+    with pytest.raises(ValueError, match=message):
+        auroraqd.resume(tmp_path, trusted=OWN)
+    again = auroraqd.resume(tmp_path, emitter=emitter)
+    assert_array_equal(again.run(TASK, generations=2).archive.genotype, aurora.run(TASK, generations=2).archive.genotype)
 
 
 class Corner:

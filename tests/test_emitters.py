@@ -1,6 +1,7 @@
 """Emitters beside the genetic one: goals, and populations."""
 
 import dataclasses
+from contextlib import suppress
 
 import naive
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd.emitters import NSLC, TAXONS, Goals, NoveltySearch
+from auroraqd.emitters import NSLC, TAXONS, EmitterError, Genetic, Goals, NoveltySearch
 from auroraqd.emitters.goals import goals, nearest_to
 from auroraqd.emitters.population import _novelty, crowding, fronts, in_order
 from auroraqd.individuals import Columns
@@ -167,6 +168,106 @@ def test_invalid_individuals_are_no_members():
     assert np.isfinite(members["fitness"]).all()
 
 
+class Faulty:
+    """As the genetic emitter, but for what it raises when it is told something."""
+
+    def __init__(self, *methods):
+        self.methods, self.genetic = methods, Genetic()
+
+    def ask(self, archive, n, rng):
+        return self.genetic.ask(archive, n, rng)
+
+    def tell(self, archive, batch, info):
+        if "tell" in self.methods and batch["born"][0] == 120:
+            raise KeyError("lost")
+
+    def updated(self, archive, describe):
+        if "updated" in self.methods and len(archive):
+            raise ZeroDivisionError
+
+    def withdrawn(self, genotype):
+        raise OSError("never mind")
+
+
+class Callable:
+    def __call__(self, archive, n, rng): ...
+
+
+class Watch:
+    """A callback that knows who was evaluated."""
+
+    def __init__(self):
+        self.seen = []
+
+    def told(self, aurora, batch, info):
+        self.seen += batch["born"].tolist()
+
+
+def same(one, other):
+    for name, column in one.archive.columns.items():
+        assert_array_equal(column, other.archive.columns[name])
+    for a, b in zip(one.history.records, other.history.records, strict=True):
+        assert_array_equal(np.array(a[:-1], float), np.array(b[:-1], float))
+    assert one._rng.bit_generator.state == other._rng.bit_generator.state
+
+
+@pytest.mark.parametrize(
+    ("emitter", "message"),
+    [
+        (Faulty("tell"), r"^emitter Faulty raised in `tell`, at generation 4: KeyError: 'lost'; what was found is kept$"),
+        (Faulty("updated"), "^emitter Faulty raised in `updated`, at generation 3: ZeroDivisionError; what was found is kept$"),
+    ],
+)
+def test_an_emitter_that_raises_costs_nothing(emitter, message, tmp_path):
+    """The run is the one of an emitter that does not, whatever is asked next."""
+    options = {"schedule": auroraqd.Every(3), "seed": 0, "batch_size": 30}
+    watch = Watch()
+    good = auroraqd.Aurora(2, PCA(2), emitter=Genetic(), **options).run(TASK, generations=5)
+    bad = auroraqd.Aurora(2, PCA(2), emitter=[emitter], **options)
+    with pytest.raises(EmitterError, match=message) as raised:
+        bad.run(TASK, generations=5, callback=watch)
+    assert isinstance(raised.value.__cause__, KeyError | ZeroDivisionError)
+    assert watch.seen == list(range(bad.evaluations)), "callbacks are told too"
+    assert bad.history.last.generation == bad.generation == int(message.partition("generation ")[2][0]) + 1
+    auroraqd.save(bad, tmp_path)
+    while bad.generation < 5:
+        with suppress(EmitterError):
+            bad.run(TASK, until_generation=5)
+    same(good, bad)
+
+
+def test_what_one_emitter_raises_is_kept_from_the_others():
+    members = []
+    for other in (Faulty("tell", "updated"), Genetic()):
+        aurora = run([other, NSLC(20)], 0)
+        while aurora.generation < 9:
+            with suppress(EmitterError):
+                aurora.run(TASK, until_generation=9)
+        members.append(aurora._emitters.emitters[1].members)
+    for name in members[0]:
+        assert_array_equal(members[0][name], members[1][name])
+
+
+def test_what_is_withdrawn_is_withdrawn_whatever_emitters_say():
+    aurora = run(Faulty(), 2)
+    proposal = aurora.ask(3)
+    with pytest.raises(EmitterError, match="raised in `withdrawn`, at generation 2: OSError: never mind"):
+        aurora.withdraw(proposal.ticket)
+    assert not aurora.out
+
+
+@pytest.mark.parametrize(
+    ("part", "text"),
+    [
+        (Genetic(stored), "Genetic(selection=stored, variation=Polynomial(rate=0.1, eta=10.0, at_least_one=True))"),
+        (NSLC(5, variation=same), "NSLC(population=5, k=15, variation=same)"),
+        (auroraqd.Mixed(Callable(), min), "Mixed(a=Callable, b=min)"),
+    ],
+)
+def test_a_repr_says_what_functions_are_called(part, text):
+    assert repr(part) == text
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -177,7 +278,8 @@ def test_invalid_individuals_are_no_members():
         (lambda: NSLC(k=0), "k must"),
         (lambda: NSLC(variation=auroraqd.IsoLine()), "variation must be of one parent"),
         (lambda: NSLC(variation="polynomial"), "variation must be callable"),
-        (lambda: TAXONS(6, elite=4), "elite must be a whole number, from 0 to 3"),
+        (lambda: TAXONS(6, elite=4), "population must be at least twice elite, which is 4, got 6"),
+        (lambda: TAXONS(5), "population must be at least twice elite, which is 5, got 5"),
         (lambda: TAXONS(first=-1), "first must"),
     ],
 )

@@ -634,6 +634,78 @@ def test_spaces_that_are_no_use():
             del gymnasium.registry[env_id]
 
 
+class Seeing(gymnasium.Env):
+    """A point that is moved, what it sees, and which of three rooms it is in; beyond 0.9 its sensor breaks."""
+
+    metadata = {"render_modes": []}
+    action_space = gymnasium.spaces.Box(-1, 1, (2,))
+    observation_space = gymnasium.spaces.Dict(
+        place=gymnasium.spaces.Box(-np.inf, np.inf, (2,), np.float32),
+        camera=gymnasium.spaces.Box(0, 255, (4, 4, 3), np.uint8),
+        room=gymnasium.spaces.Discrete(3),
+    )
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.place = np.zeros(2, np.float32)
+        return self.sensed(), {}
+
+    def step(self, action):
+        self.place = (self.place + 0.1 * action).astype(np.float32)
+        return self.sensed(), 0.0, False, False, {}
+
+    def sensed(self):
+        camera = np.full((4, 4, 3), 100 + np.clip(100 * self.place[0], -100, 100), np.uint8)
+        place = np.where(np.abs(self.place) > 0.9, np.nan, self.place)
+        return {"place": place, "camera": camera, "room": int(np.digitize(self.place[0], [-0.3, 0.3]))}
+
+
+@pytest.fixture
+def seeing():
+    gymnasium.register("Seeing-v0", entry_point=Seeing)
+    yield "Seeing-v0"
+    del gymnasium.registry["Seeing-v0"]
+
+
+def test_an_observation_that_is_a_dict_gives_streams(seeing, tmp_path):
+    task = tasks.Gym(seeing, controller=tasks.Splines(2), steps=10, samples=5)
+    genotypes = np.array([[0.6, 0.8, 0.5, 0.5], [0.2, 0.2, 0.3, 0.6], [1.0, 1.0, 0.5, 0.5]])
+    fitness, observation, truth = task(genotypes)
+    assert truth is None
+    assert_array_equal(fitness, [0, 0, np.nan])
+    shapes = {name: (observation[name].shape, observation[name].dtype) for name in observation.dtype.names}
+    assert shapes == {
+        "camera": ((3, 5, 4, 4, 3), np.uint8),
+        "place": ((3, 5, 2), np.float32),
+        "room": ((3, 5, 3), np.float64),
+    }
+    env = Seeing()
+    for row, controls in enumerate(task.episode(genotypes[:2]).control):
+        env.reset()
+        sensed = [env.step(action)[0] for action in controls][1::2]
+        for name in ("place", "camera"):
+            assert_array_equal(observation[name][row], [one[name] for one in sensed])
+        assert_array_equal(observation["room"][row].argmax(axis=1), [one["room"] for one in sensed])
+    aurora = auroraqd.Aurora(4, auroraqd.Streams(place=PCA(2), camera=None, room=None), seed=0, batch_size=20).run(
+        task, generations=2
+    )
+    assert aurora.archive.observation["camera"].shape[1:] == (5, 4, 4, 3)
+
+
+def test_streams_of_a_dict_are_chosen(seeing):
+    options = {"controller": tasks.MLP(hidden=()), "steps": 4, "samples": 2}
+    genotypes = np.full((1, 2 * (2 + 48 + 3 + 1)), 0.5)
+    one = tasks.Gym(seeing, observe=["place"], **options)(genotypes)
+    assert one.observation.dtype.names == ("place",)
+    flat = tasks.Gym(seeing, observe=[0, 1], **options)(genotypes)
+    assert_array_equal(flat.observation, one.observation["place"])
+    assert flat.ground_truth.shape == (1, 2)
+    with pytest.raises(ValueError, match=r"observe must be of the streams place, camera, room for Seeing-v0, got \['sound'\]"):
+        tasks.Gym(seeing, observe=["sound"], **options)
+    with pytest.raises(ValueError, match=r"observe must be of 0 to 3 for CartPole-v1, got \['place'\]"):
+        tasks.Gym("CartPole-v1", observe=["place"], controller=tasks.MLP())
+
+
 def test_without_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ValueError, match=r'not installed: pip install "auroraqd\[robots\]"'):

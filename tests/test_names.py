@@ -14,6 +14,11 @@ def test_every_public_name_is_there(name):
     assert name in dir(auroraqd)
 
 
+def test_the_version_is_seen():
+    assert "__version__" in dir(auroraqd)
+    assert set(auroraqd.__all__) <= set(dir(auroraqd))
+
+
 def test_modules_are_attributes_and_other_names_are_not():
     assert {"evaluate", "metrics", "report", "tasks"} <= set(auroraqd.__all__)
     with pytest.raises(AttributeError, match="auroraq"):

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.distance import pdist
+from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd.control.resolution import Automatic, largest_distance, separations
@@ -353,6 +354,34 @@ def test_csc_is_asked_for_l_once_and_an_update_is_not_repeated():
         aurora.run(auroraqd.tasks.Ballistic(), generations=1)
         assert not aurora._update_due
     assert len(asked) == 1
+
+
+class Stretched(PCA):
+    """Each fit gives descriptors ten times as large as the one before."""
+
+    fits = 0
+
+    def fit(self, x, y=None):
+        self.fits += 1
+        return super().fit(x, y)
+
+    def transform(self, x):
+        return 10.0**self.fits * super().transform(x)
+
+
+def test_csc_goes_with_the_scale_of_the_descriptors():
+    def grown(descriptor, **options):
+        options = {"seed": 0, "batch_size": 50, "schedule": auroraqd.Every(4), "survival": 0, **options}
+        aurora = auroraqd.Aurora(2, descriptor, resolution=auroraqd.CSC(300), **options)
+        return aurora.run(auroraqd.tasks.Ballistic(), generations=12)
+
+    plain, stretched = grown(PCA(2)), grown(Stretched(2))
+    assert_array_equal(plain.archive.id, stretched.archive.id)
+    share = stretched.history.column("l") / plain.history.column("l")
+    assert_allclose(share, np.repeat([10.0, 100.0, 1000.0], 4), rtol=1e-9)
+    csc, x = auroraqd.CSC(300), np.random.default_rng(0).random((50, 2))
+    assert_allclose(csc.rescaled(0.1, x, x * [2, 8]), 0.4, rtol=0.1)  # the box is along the principal axes
+    assert csc.rescaled(0.1, x, x[:1]) == csc.rescaled(0.1, x[:1], x) == 0.1, "of one alone there is no box"
 
 
 def test_fixed():

@@ -338,6 +338,24 @@ def test_each_stream_is_described_by_its_own():
     assert_allclose(z.var(axis=0).sum(), 1 + 9)
 
 
+def test_by_itself_it_takes_mappings_too():
+    streams = robot(np.random.default_rng(0).random((60, 3)))[1]
+    fitted = each_stream().fit(streams)
+    assert_array_equal(fitted.transform(streams), fitted.transform(joined(streams)))
+    assert fitted.inverse_transform(fitted.transform(streams)).shape == (60, sum(s[0].size for s in streams.values()))
+    for call, message in (
+        (
+            lambda: fitted.transform({"joints": streams["joints"]}),
+            "x must be the streams camera .*, as before, got the streams",
+        ),
+        (lambda: fitted.transform(np.zeros((2, 5))), r"x must have shape \(n, \d+\), got \(2, 5\)"),
+        (lambda: fitted.inverse_transform(np.zeros((2, 5))), r"z must have shape \(n, 3\), got \(2, 5\)"),
+        (lambda: each_stream().transform(streams), "Streams must be fitted before they describe anything"),
+    ):
+        with pytest.raises((ValueError, RuntimeError), match=message):
+            call()
+
+
 def test_all_together_with_weights():
     observation = joined(robot(np.random.default_rng(0).random((60, 3)))[1])
     alike = Descriptor(PCA(2)).refitted(observation).describe_observation(observation)

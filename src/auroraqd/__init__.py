@@ -10,4 +10,8 @@ __version__ = "0.3.0"
 
 # The public names are those of the stub, `__init__.pyi`. They are loaded when first used: the command line must answer before
 # NumPy, Numba and scikit-learn are imported.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, _names, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __dir__() -> list[str]:
+    return [*_names(), "__version__"]

@@ -2,6 +2,7 @@
 
 import reprlib
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from decimal import Decimal
 from numbers import Real
 from typing import Any
@@ -211,6 +212,15 @@ def whole_numbers(name: str, values: Any, *, axes: int | None = None, some: bool
     return array.astype(np.int64, copy=False)
 
 
+def check_genotypes(must: str, genotypes: np.ndarray, shape: tuple[int, ...]) -> None:
+    """Raise ValueError unless genotypes have this shape and are in [0, 1]; `must`: who must what, "variation must return"."""
+    if genotypes.shape != shape:
+        raise ValueError(f"{must} genotypes of shape {shape}, got {genotypes.shape}")
+    if not (genotypes.min() >= 0 and genotypes.max() <= 1):
+        outside = genotypes[~((genotypes >= 0) & (genotypes <= 1))]
+        raise ValueError(f"{must} genotypes in [0, 1], got {outside[0]:g}")
+
+
 def seeds_for(name: str, seeds: Any, n: int) -> np.ndarray:
     """Seeds, one for each of n individuals, (n,) whole numbers.
 
@@ -230,6 +240,16 @@ def seeds_for(name: str, seeds: Any, n: int) -> np.ndarray:
     if wrong:
         raise ValueError(f"{name} must be whole numbers, got {type(wrong[0]).__name__} {shown(wrong[0])}")
     return seeds  # Python's own are of any size
+
+
+def in_words(self: Any) -> str:
+    """A dataclass as its `repr` has it, but functions and objects by what they are called, and not by where they lie."""
+    return f"{type(self).__qualname__}({', '.join(f'{f.name}={_named(getattr(self, f.name))}' for f in fields(self))})"
+
+
+def _named(value: Any) -> str:
+    text = getattr(value, "__qualname__", None) or repr(value)
+    return type(value).__qualname__ if " at 0x" in text else text
 
 
 def rows_of(shape: tuple[int, ...]) -> str:

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from auroraqd._checks import (
     MOST_SEED,
+    check_genotypes,
     finite_rows,
     flag,
     function,
@@ -39,7 +40,7 @@ from auroraqd.control.resolution import VAT, Automatic
 from auroraqd.control.schedule import Doubling
 from auroraqd.control.update import FIRST_FITS, Attempts, RefusedUpdate, Update, updated
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Transformer
-from auroraqd.emitters.base import Shared, shared
+from auroraqd.emitters.base import Calls, Shared, shared
 from auroraqd.emitters.genetic import Genetic
 from auroraqd.emitters.proposal import Asked, Event, Proposal
 from auroraqd.emitters.selection import Curiosity
@@ -261,9 +262,7 @@ class Aurora:
         if not isinstance(found, tuple) or len(found) != 2:
             raise ValueError(f"{called} a tuple of genotypes and their parents, got {type(found).__name__}")
         genotype, parent = numbers(f"{called} genotypes that", found[0]), whole_numbers(f"{called} parents that", found[1])
-        shape = n, self.n_genes
-        if genotype.shape != shape or not (genotype.min() >= 0 and genotype.max() <= 1):
-            raise ValueError(f"{called} genotypes of shape {shape} in [0, 1], got shape {genotype.shape}")
+        check_genotypes(called, genotype, (n, self.n_genes))
         if parent.shape != (n,) or parent.min() < -1 or parent.max() >= self.archive.state["next_id"]:
             raise ValueError(f"{called} parents as ({n},) ids of individuals of the archive, or -1, got {shown(parent)}")
         return genotype, parent
@@ -273,12 +272,19 @@ class Aurora:
 
         Raises:
             ValueError: there is none with this ticket; see `tell`.
+            EmitterError: an emitter raised when it was told so. It is withdrawn.
         """
         asked = self._asked_for(whole("ticket", ticket, least=0))
+        calls = Calls(f"at generation {self.generation}")
         with uninterrupted():
             self._forget(asked)
             if not asked.alone:
                 self._happened(Event.WITHDRAWN, ticket - self._ticket_base)
+            for which, emitter in enumerate(self._emitters.emitters):
+                rows = asked.proposal.emitter == which
+                if rows.any():
+                    calls.call(emitter, "withdrawn", asked.proposal.genotype[rows])
+        calls.end()
 
     def _happened(self, kind: Event, value: int) -> None:
         self._events.extend((kind, value))
@@ -323,6 +329,8 @@ class Aurora:
             RuntimeError: nothing was asked for.
             ValueError: wrong shape or number of rows; or a ticket that was never given, is of another run, or was told or
                 withdrawn before. The batch can be told again; nothing else has changed.
+            EmitterError: an emitter raised when it was told what became of its genotypes, or that the descriptor has changed.
+                The individuals are told.
         """
         asked = self._asked_for(ticket)
         evaluation = checked(Evaluation(fitness, observation, ground_truth), len(asked.proposal.genotype))
@@ -444,11 +452,13 @@ class Aurora:
         Raises:
             TaskError: the task raised, returned something else than promised, or gave nothing but invalid individuals.
             DescriptorError: the descriptor could not be fitted or does not describe.
+            EmitterError: an emitter raised when it was told; what was found is kept, and the next call goes on.
             TypeError: the task cannot be called.
             ValueError: no budget, or a negative one.
 
         Warns:
-            UserWarning: the run was resumed, and the task, its arguments or its code are others than before.
+            UserWarning: the run was resumed, and the task, its arguments or its code are others than before; or, at the end,
+                the task has never given a valid individual.
         """
         from auroraqd.running import Budget, run
 
@@ -474,16 +484,22 @@ class Aurora:
             self.ask(np.vstack([known, self._rng.random((missing, self.n_genes))]))
 
     @property
+    def _all_invalid(self) -> bool:
+        """Whether there was not one valid individual."""
+        return self._counts["invalid"] == self.evaluations
+
+    @property
     def _hopeless(self) -> bool:
-        """Whether many generations have not given one valid individual."""
-        return self.generation >= _PATIENCE and self._counts["invalid"] == self.evaluations
+        """Whether there was none in many generations."""
+        return self.generation >= _PATIENCE and self._all_invalid
 
     def _checked_genotypes(self, name: str, genotypes: ArrayLike) -> np.ndarray:
         children = numbers(name, genotypes, f" of shape (n, {self.n_genes})").copy()
         if children.ndim != 2 or children.shape[1] != self.n_genes or len(children) == 0:
             raise ValueError(f"{name} must have shape (n, {self.n_genes}) with n >= 1, got {children.shape}")
-        if not ((children >= 0) & (children <= 1)).all():
-            raise ValueError(f"{name} must be in [0, 1]")
+        outside = children[~((children >= 0) & (children <= 1))]
+        if len(outside):
+            raise ValueError(f"{name} must be in [0, 1], got {outside[0]:g}")
         return children
 
     def _check_as_before(self, evaluation: Evaluation) -> None:
@@ -530,11 +546,12 @@ class Aurora:
         sound = valid if legible is batch else valid[readable]
         described = _described(legible, self._descriptor if update is None else update.descriptor)
         # Up to here anything may raise, or be interrupted: fitting takes long. From here on the state changes.
+        calls = Calls(f"at generation {self.generation}")
         with uninterrupted():
-            if update is not None and (refusal := self._take(update)) is not None:
+            if update is not None and (refusal := self._take(update, calls)) is not None:
                 described = _described(legible, self._descriptor)
             said = self._try_again(refusal, tried=update is not None)
-            status = self._added(batch, described, readable, sound)
+            status = self._added(batch, described, readable, sound, calls)
             self.archive.credited(batch["parent"], status)
             follows = self.resolution is None or hasattr(self.resolution, "control")  # l is no matter of updates
             alone = update is not None and refusal is None and update.l is None and not follows
@@ -543,6 +560,7 @@ class Aurora:
             errors = None if first_fit else described.get("reconstruction_error")
             self._done(asked, status, _NO_ERROR if errors is None else errors[sound])
         _say(said)
+        calls.end()
         return status[-n:]
 
     def _too_few(self, batch: Columns, valid: np.ndarray) -> bool:
@@ -562,7 +580,7 @@ class Aurora:
         _say(said)
         return status[-len(asked.proposal.genotype) :]
 
-    def _added(self, batch: Columns, described: Columns, readable: np.ndarray, sound: np.ndarray) -> np.ndarray:
+    def _added(self, batch: Columns, described: Columns, readable: np.ndarray, sound: np.ndarray, calls: Calls) -> np.ndarray:
         """Add individuals, and tell the emitters what became of all.
 
         Args:
@@ -570,6 +588,7 @@ class Aurora:
             described: the m that are readable, with their descriptors.
             readable: (n,) bool.
             sound: (m,) bool, those to be added.
+            calls: of the emitters.
         """
         info = self.archive.insert(described, sound) if described.rows else _NOTHING
         if described.rows < batch.rows:
@@ -583,7 +602,7 @@ class Aurora:
             rows = batch["emitter"] == which
             if rows.any():
                 of_its_own = Info(info.status[rows], info.row[rows], info.removed)
-                self._emitters.emitters[which].tell(self.archive, told.take(rows), of_its_own)
+                calls.call(self._emitters.emitters[which], "tell", self.archive, told.take(rows), of_its_own)
         return info.status
 
     def _recall(self, asked: Asked, status: np.ndarray) -> None:
@@ -631,18 +650,23 @@ class Aurora:
             return None
         sources = archive.columns if stored else individuals
         enough = sources.rows >= self._descriptor.rows_to_fit(features_of(sources["observation"]))
-        follows = hasattr(self.resolution, "control")  # then it is asked for l once, and changes it from there
+        refit = not self._descriptor.ready or (self._refits and enough)
+        resolution = self.resolution
+        if stored and hasattr(resolution, "control"):  # then it was asked for l once, and changes it from there
+            l = archive.l if isinstance(archive, UnstructuredArchive) else 0.0
+            scales = refit and l > 0 and hasattr(resolution, "rescaled")
+            resolution = partial(resolution.rescaled, l, archive.descriptor) if scales else None
         update = updated(
             self._descriptor,
             sources,
             archive.descriptor if stored and self._descriptor.ready else None,
-            refit=not self._descriptor.ready or (self._refits and enough),
+            refit=refit,
             robust=self.robust,
-            resolution=None if follows and stored else self.resolution,
+            resolution=resolution,
         )
         return update if stored else update._replace(values=update.values[:0], error=None)
 
-    def _take(self, update: Update) -> RefusedUpdate | None:
+    def _take(self, update: Update, calls: Calls) -> RefusedUpdate | None:
         """Take over a new descriptor: redefine l and add all again; or say why it is not taken."""
         stored = len(self.archive)
         least = math.ceil(self.survival * min(stored, getattr(self.resolution, "individuals", stored)))
@@ -655,8 +679,7 @@ class Aurora:
             )
         self._descriptor = update.descriptor
         for emitter in self._emitters.emitters:
-            if hasattr(emitter, "updated"):
-                emitter.updated(self.archive, partial(_described, descriptor=self._descriptor))
+            calls.call(emitter, "updated", self.archive, partial(_described, descriptor=self._descriptor))
         return None
 
     def _try_again(self, refusal: RefusedUpdate | None, *, tried: bool) -> str | None:

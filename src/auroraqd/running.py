@@ -26,6 +26,7 @@ def run(
     how = aurora._remember(task)
     if how is not None:
         warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
+    before = aurora.evaluations
     with _shown(aurora, budget) if progress else nullcontext() as show:
         both = callbacks if show is None else callbacks.and_then(show)
         both.start(aurora)
@@ -33,6 +34,8 @@ def run(
             _run(aurora, task, budget, known, both, in_parts)
         finally:
             both.end(aurora)
+    if aurora.evaluations > before and aurora._all_invalid:
+        warnings.warn(_nothing_valid(aurora, name_of(task)), stacklevel=3)
 
 
 def _run(
@@ -77,10 +80,14 @@ def tell(aurora: Aurora, task: str, evaluation: Evaluation, callbacks: Callbacks
         if aurora._latest is not before:
             callbacks.told(aurora)
     if aurora._hopeless:
-        raise TaskError(
-            f"task {task} gave no valid individual in {aurora.generation} generations: fitness or observation was NaN or "
-            f"infinite for all {aurora.evaluations} evaluations"
-        )
+        raise TaskError(_nothing_valid(aurora, task))
+
+
+def _nothing_valid(aurora: Aurora, task: str) -> str:
+    return (
+        f"task {task} gave no valid individual in {aurora.generation} generations: fitness or observation was NaN or infinite "
+        f"for all {aurora.evaluations} evaluations"
+    )
 
 
 class Budget:

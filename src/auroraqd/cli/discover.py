@@ -79,7 +79,9 @@ def run(
         str,
         typer.Option(
             help="What makes genotypes: genetic (selection, then variation); goals (random, sigma, first); novelty-search or "
-            "nslc (population, k); taxons (population, k, elite, first); with options like goals:random=0.2."
+            "nslc (population, k); taxons (population, k, elite, first); ribs:cma (sigma, batch_size, ranker, es), "
+            "ribs:iso-line (sigma, line_sigma, batch_size) or ribs:gaussian (sigma, batch_size), which need pyribs; with "
+            "options like goals:random=0.2."
         ),
     ] = "genetic",
     selection: Annotated[
@@ -408,6 +410,7 @@ def _grow(
 def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
     """Say why a run has ended, and end the command."""
     from auroraqd.descriptors.descriptor import DescriptorError
+    from auroraqd.emitters import EmitterError
     from auroraqd.tasks import TaskError
 
     if isinstance(failure, KeyboardInterrupt):
@@ -415,7 +418,7 @@ def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
         raise typer.Exit(130)
     if isinstance(failure, MemoryError):
         raise UserError(f"there is not enough memory: {failure}; {kept}")
-    if isinstance(failure, TaskError | DescriptorError | ValueError | OSError):
+    if isinstance(failure, TaskError | DescriptorError | EmitterError | ValueError | OSError):
         raise UserError(f"{failure}; {kept}")
     errors.print(kept, highlight=False)
     raise failure

@@ -126,7 +126,8 @@ class CSC:
     After each generation l becomes l (1 - 5e-6 (target - n)), n the individuals stored. In every tenth all are added again,
     with (1 - epsilon) l, epsilon that of the archive: no closer than that any two are by its rule, so those go that a larger l
     has brought too close. The first l is half the side of a cube of which `target` fill the box of the descriptors along their
-    principal axes: 0.5 (V / target)^(1 / d), V and d of those axes along which descriptors differ.
+    principal axes: 0.5 (V / target)^(1 / d), V and d of those axes along which descriptors differ. When the descriptor is
+    refitted, l changes as the side of that cube does: in the source, descriptors are scaled by the range of those stored.
 
     [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
 
@@ -156,6 +157,11 @@ class CSC:
         sides = np.ptp(centred @ axes, axis=0)
         sides = sides[sides > _FLAT * sides.max()]
         return float(size * 0.5 * np.exp(np.mean(np.log(sides)) - log(self.target) / len(sides))) if len(sides) else 0.0
+
+    def rescaled(self, l: float, before: np.ndarray, after: np.ndarray) -> float:
+        """l above 0, when the descriptors of the same individuals, (n, d), change from `before` to `after`: as their box."""
+        was, now = self(before), self(after)
+        return max(l / was * now, _LEAST) if was > 0 and now > 0 else l
 
     def control(self, archive: Any, generation: int) -> None:
         """Move l of an `UnstructuredArchive` with individuals, after this generation, the first being 1."""

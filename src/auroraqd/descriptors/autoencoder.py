@@ -237,8 +237,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self._use: InUse | None = None
         return self
 
+    @np.errstate(over="ignore", invalid="ignore")
     def transform(self, x: ArrayLike) -> np.ndarray:
-        """Latent positions, (n, n_components) float64, of observations, (n, ...).
+        """Latent positions, (n, n_components) float64, of observations, (n, ...); NaN where numbers are too large to scale.
 
         Raises:
             NotFittedError: `fit` has not been called.
@@ -247,6 +248,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         use = self._in_use()
         return use.encode(self._rows(x))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def describe(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Latent positions, and the root mean square errors of the reconstructions, (n,), on the [-1, 1] scale.
 
@@ -256,6 +258,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         z, squares = use.describe(self._rows(x))
         return z, np.sqrt(squares / math.prod(self.observation_shape_))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def inverse_transform(self, z: ArrayLike) -> np.ndarray:
         """Reconstructed observations, (n, ...) float64, of latent positions, (n, n_components).
 

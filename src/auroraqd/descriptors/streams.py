@@ -12,12 +12,23 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from auroraqd._checks import mapping, number, shown
+from auroraqd._checks import mapping, number, numbers, shown
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Transformer
 from auroraqd.descriptors.scaling import Scaling
 from auroraqd.individuals import Columns
-from auroraqd.observations import features_of, flat, has_streams, joined, layout_of, streams_of, unflattened
+from auroraqd.observations import (
+    check_same_streams,
+    features_of,
+    flat,
+    has_streams,
+    joined,
+    layout_of,
+    observations,
+    streams_of,
+    unflattened,
+)
 
 
 class _Part(NamedTuple):
@@ -111,14 +122,15 @@ class Streams:
         """Whether observations of this shape, without the rows, and dtype are given to `fit` as they are: streams are."""
         return dtype.names is not None
 
-    def fit(self, x: np.ndarray, y: object = None) -> Streams:
-        """Learn from observations of streams, (n,). `y` is passed over.
+    def fit(self, x: np.ndarray | Mapping[str, ArrayLike], y: object = None) -> Streams:
+        """Learn from observations of streams, (n,), or a mapping of them. `y` is passed over.
 
         Raises:
             ValueError: they are not of the streams that there is something for.
             DescriptorError: a transformer cannot be fitted.
         """
-        if not isinstance(x, np.ndarray) or not has_streams(x):
+        x = observations("x", x)
+        if not has_streams(x):
             raise ValueError("Streams must be fitted on streams, a mapping of names to arrays, got observations of one array")
         self._check_names(list(streams_of(x)))
         parts = {}
@@ -150,8 +162,13 @@ class Streams:
         """Whether it reads observations as they are."""
         return True
 
-    def transform(self, x: np.ndarray) -> np.ndarray:
-        """Descriptors, (n, d), of streams, (n,), or of all their entries, (n, features)."""
+    def transform(self, x: np.ndarray | Mapping[str, ArrayLike]) -> np.ndarray:
+        """Descriptors, (n, d), of streams, (n,), or a mapping of them, or of all their entries, (n, features).
+
+        Raises:
+            RuntimeError: `fit` has not been called.
+            ValueError: they are none, others than it was fitted on, or not finite.
+        """
         streams = self._streams(x)
         return np.hstack(
             [
@@ -175,8 +192,14 @@ class Streams:
         """Entries of streams, (n, features), expected at descriptors, (n, d); of one that is left out, its middle.
 
         Raises:
+            RuntimeError: `fit` has not been called.
+            ValueError: wrong shape.
             NotImplementedError: one of the transformers has no inverse.
         """
+        self._check_fitted()
+        z, d = numbers("z", z, " of shape (n, d)", axes=2), sum(part.d for part in self._parts.values())
+        if z.shape[1] != d:
+            raise ValueError(f"z must have shape (n, {d}), got {z.shape}")
         if any(part.descriptor.decode is None for part in self._parts.values()):
             raise NotImplementedError("a stream cannot be reconstructed")
         n, layout = len(z), layout_of(self._like)
@@ -190,14 +213,26 @@ class Streams:
             start += part.d
         return flat(joined(found))
 
-    def _streams(self, x: np.ndarray) -> np.ndarray:
+    def _check_fitted(self) -> None:
+        if not self._parts:
+            raise RuntimeError("Streams must be fitted before they describe anything: call fit first")
+
+    def _streams(self, x: np.ndarray | Mapping[str, ArrayLike]) -> np.ndarray:
         """As they were observed."""
-        if has_streams(x):
-            return x
+        self._check_fitted()
         layout = layout_of(self._like)
         assert layout is not None  # it is fitted
+        if isinstance(x, np.ndarray) and layout_of(x) == layout:  # as in each generation
+            return x
+        if isinstance(x, Mapping) or (isinstance(x, np.ndarray) and has_streams(x)):
+            x = observations("x", x)
+            check_same_streams("x", x, self._like)
+            return x
+        x, features = numbers("x", x, " of shape (n, features)", axes=2, finite=True), features_of(self._like)
+        if x.shape[1] != features:
+            raise ValueError(f"x must have shape (n, {features}), got {x.shape}")
         kinds = {name: stream.dtype for name, stream in streams_of(self._like).items()}
-        rows = unflattened(x.reshape(len(x), features_of(self._like)), layout)
+        rows = unflattened(x, layout)
         return joined({name: stream.astype(kinds[name]) for name, stream in streams_of(rows).items()})
 
     def __getstate__(self) -> dict[str, Any]:

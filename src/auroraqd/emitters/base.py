@@ -20,6 +20,45 @@ class Emitter(Protocol):
         ...
 
 
+class EmitterError(RuntimeError):
+    """An emitter raised when it was told something. The state of the run is whole: what was found is kept, and it can go on."""
+
+
+class Calls:
+    """Calls of what emitters may have; what they raise is kept until the state that they are told of is whole.
+
+    Args:
+        when: of which moment errors are said.
+    """
+
+    def __init__(self, when: str) -> None:
+        self._when = when
+        self._failure: EmitterError | None = None
+
+    def call(self, emitter: Any, method: str, *arguments: Any) -> None:
+        """Call a method of an emitter, if it has it."""
+        if not hasattr(emitter, method):
+            return
+        try:
+            getattr(emitter, method)(*arguments)
+        except Exception as error:
+            if self._failure is None:
+                what = f"{type(error).__name__}: {error}" if f"{error}" else type(error).__name__
+                self._failure = EmitterError(
+                    f"emitter {type(emitter).__name__} raised in `{method}`, {self._when}: {what}; what was found is kept"
+                )
+                self._failure.__cause__ = error
+
+    def end(self) -> None:
+        """Raise what was raised first, if anything was.
+
+        Raises:
+            EmitterError: an emitter raised.
+        """
+        if self._failure is not None:
+            raise self._failure
+
+
 class Shared(NamedTuple):
     """Emitters that share each batch.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from auroraqd._checks import function
+from auroraqd._checks import check_genotypes, function, in_words
 from auroraqd.archives.base import Archive
 from auroraqd.emitters.selection import Curiosity
 from auroraqd.emitters.variation import Polynomial
@@ -24,6 +24,8 @@ class Genetic:
 
     selection: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Curiosity)
     variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(default_factory=Polynomial)
+
+    __repr__ = in_words
 
     def __post_init__(self) -> None:
         for name in ("selection", "variation"):
@@ -44,7 +46,5 @@ class Genetic:
             rows = rows.reshape(n, n_parents)
         genotype = archive.genotype
         children = np.array(self.variation(genotype.take(rows, axis=0), rng), np.float64)
-        shape = n, genotype.shape[1]
-        if children.shape != shape or not (children.min() >= 0 and children.max() <= 1):
-            raise ValueError(f"variation must return genotypes of shape {shape} in [0, 1], got shape {children.shape}")
+        check_genotypes("variation must return", children, (n, genotype.shape[1]))
         return children, archive.id[rows if n_parents == 1 else rows[:, 0]]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import finite_rows, function, whole
+from auroraqd._checks import finite_rows, function, in_words, whole
 from auroraqd.archives._ranked import mean_distance, nearest
 from auroraqd.archives.base import INVALID, Archive, Info
 from auroraqd.emitters.selection import surprise
@@ -31,6 +31,8 @@ class _Bred:
     population: int = 100
     k: int = 15
     variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(default_factory=Polynomial)
+
+    __repr__ = in_words
 
     def __post_init__(self) -> None:
         whole("population", self.population)
@@ -85,7 +87,7 @@ class _Bred:
         raise NotImplementedError
 
 
-@dataclass
+@dataclass(repr=False)
 class NoveltySearch(_Bred):
     """Novelty search: the most novel of parents and children are the next population.
 
@@ -106,7 +108,7 @@ class NoveltySearch(_Bred):
         return np.argsort(-novelty, kind="stable")
 
 
-@dataclass
+@dataclass(repr=False)
 class NSLC(_Bred):
     """Novelty search with local competition: NSGA-II on novelty, and on how many of the k nearest are less fit.
 
@@ -125,7 +127,7 @@ class NSLC(_Bred):
         return in_order(np.stack([novelty, outdone], axis=1))
 
 
-@dataclass
+@dataclass(repr=False)
 class TAXONS(_Bred):
     """TAXONS: evolution towards novelty in a learned space, or towards what it cannot reconstruct, by one coin a batch.
 
@@ -153,7 +155,9 @@ class TAXONS(_Bred):
     def __post_init__(self) -> None:
         super().__post_init__()
         whole("first", self.first, least=0)
-        whole("elite", self.elite, least=0, most=self.population // 2)
+        whole("elite", self.elite, least=0)
+        if 2 * self.elite > self.population:
+            raise ValueError(f"population must be at least twice elite, which is {self.elite}, got {self.population}")
         self._batches = 0
         self._by_surprise = False
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auroraqd._checks import in_short
 from auroraqd.tasks.noise import seeds_of
 
 
@@ -26,6 +27,9 @@ class Proposal(NamedTuple):
     emitter: np.ndarray
     first: int
     seed: int
+
+    def __repr__(self) -> str:
+        return in_short(self)
 
     @property
     def born(self) -> np.ndarray:

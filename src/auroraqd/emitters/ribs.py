@@ -1,19 +1,20 @@
 """Emitters of pyribs, evolution strategies among them, in a run of auroraqd."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from importlib.util import find_spec
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd._checks import numbers, shown
+from auroraqd._checks import in_words, number, numbers, one_of, shown, whole
 from auroraqd.archives.base import INVALID, NEW, REJECTED, REPLACED, Archive, Info
 from auroraqd.individuals import Columns
 
 _THEIRS = {REJECTED: 0, INVALID: 0, REPLACED: 1, NEW: 2}  # what pyribs calls them
+_RANKERS = ("2imp", "imp", "2rd", "rd", "2obj", "obj")
+_STRATEGIES = ("cma_es", "sep_cma_es")
 
 
 class Elites:
@@ -73,71 +74,214 @@ class Elites:
         return {"solution": archive.genotype[rows], "objective": archive.fitness[rows], "measures": archive.descriptor[rows]}
 
 
-@dataclass(eq=False)
-class Ribs:
-    """An emitter of pyribs, https://pyribs.org: `pip install "auroraqd[ribs]"`.
+@dataclass(frozen=True)
+class CMA:
+    """Makes an `EvolutionStrategyEmitter`, as in CMA-ME [1]: it starts at an individual that is stored, and at another when
+    none of its batch is stored.
 
-    It is told what became of its solutions: their fitness as objective, their descriptors as measures, and as `add_info` the
-    status, and as value the fitness, for by how much one improves on another is not known here. One that is invalid counts as
-    rejected, with the least fitness and the mean descriptor of its batch. Their solutions are clipped to [0, 1].
-
-    When the descriptor changes, and when a run is resumed, the emitter is made again: it has measures of the old descriptor,
-    and pyribs has no way to save its state. A run that is resumed therefore takes another course than one that was not.
+    [1] M. C. Fontaine, J. Togelius, S. Nikolaidis, A. K. Hoover, Covariance Matrix Adaptation for the Rapid Illumination of
+    Behavior Space, GECCO 2020.
 
     Args:
-        make: `make(archive, n_genes, seed)` gives the emitter, with a `batch_size` as large as the share of a batch that it is
-            asked for. The archive has what the emitters of pyribs read, `sample_elites(1)["solution"][0]` for an x0 for
-            instance.
+        sigma: first standard deviation of a step; genes span [0, 1].
+        batch_size: solutions after which it adapts.
+        ranker: what it adapts to: "2imp" (what is new, then what replaced another, then the rest; among these by fitness),
+            "2rd" (likewise, then by a random direction of the descriptor), "2obj" (what is stored, then the rest, by fitness);
+            "imp", "rd", "obj": without the first.
+        es: the evolution strategy: "cma_es", or for many genes "sep_cma_es".
+
+    Raises:
+        ValueError: one is out of range.
+    """
+
+    sigma: float = 0.1
+    batch_size: int = 36
+    ranker: str = "2imp"
+    es: str = "cma_es"
+
+    def __post_init__(self) -> None:
+        _check_step(self.sigma, self.batch_size)
+        one_of("ranker", self.ranker, _RANKERS)
+        one_of("es", self.es, _STRATEGIES)
+
+    def __call__(self, archive: Any, n_genes: int, seed: int) -> Any:
+        """See `Ribs`."""
+        from ribs.emitters import EvolutionStrategyEmitter  # pyright: ignore[reportMissingImports] - optional
+
+        options = {"ranker": self.ranker, "es": self.es, "batch_size": self.batch_size, "seed": seed}
+        return EvolutionStrategyEmitter(archive, x0=_one_of(archive), sigma0=self.sigma, **options)
+
+
+@dataclass(frozen=True)
+class IsoLine:
+    """Makes an `IsoLineEmitter`: steps along the line between two individuals that are stored.
+
+    Args:
+        sigma: standard deviation of a step in any direction; genes span [0, 1].
+        line_sigma: of one along the line, as a share of the distance.
+        batch_size: solutions at once.
+
+    Raises:
+        ValueError: one is out of range.
+    """
+
+    sigma: float = 0.01
+    line_sigma: float = 0.2
+    batch_size: int = 36
+
+    def __post_init__(self) -> None:
+        _check_step(self.sigma, self.batch_size)
+        number("line_sigma", self.line_sigma)
+
+    def __call__(self, archive: Any, n_genes: int, seed: int) -> Any:
+        """See `Ribs`."""
+        from ribs.emitters import IsoLineEmitter  # pyright: ignore[reportMissingImports] - optional
+
+        options = {"iso_sigma": self.sigma, "line_sigma": self.line_sigma, "batch_size": self.batch_size, "seed": seed}
+        return IsoLineEmitter(archive, x0=_one_of(archive), **options)
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """Makes a `GaussianEmitter`: Gaussian steps from individuals that are stored.
+
+    Args:
+        sigma: standard deviation of a step; genes span [0, 1].
+        batch_size: solutions at once.
+
+    Raises:
+        ValueError: one is out of range.
+    """
+
+    sigma: float = 0.1
+    batch_size: int = 36
+
+    def __post_init__(self) -> None:
+        _check_step(self.sigma, self.batch_size)
+
+    def __call__(self, archive: Any, n_genes: int, seed: int) -> Any:
+        """See `Ribs`."""
+        from ribs.emitters import GaussianEmitter  # pyright: ignore[reportMissingImports] - optional
+
+        return GaussianEmitter(archive, sigma=self.sigma, x0=_one_of(archive), batch_size=self.batch_size, seed=seed)
+
+
+def _check_step(sigma: float, batch_size: int) -> None:
+    number("sigma", sigma, least=1e-300, wanted="above 0")
+    whole("batch_size", batch_size, least=2, most=10**8)
+
+
+def _one_of(archive: Elites) -> np.ndarray:
+    return archive.sample_elites(1)["solution"][0]
+
+
+class _Result(NamedTuple):
+    """What became of a solution."""
+
+    fitness: float
+    descriptor: np.ndarray
+    status: int
+
+
+class _Batch:
+    """The solutions, (n, n_genes), that an emitter of pyribs waits to be told about, and what is known of them, by row."""
+
+    def __init__(self, emitter: Any, solutions: np.ndarray) -> None:
+        self.emitter, self.solutions = emitter, solutions
+        self.results: dict[int, _Result | None] = {}
+
+    def tell(self) -> None:
+        """Tell the emitter; unless nothing is known of where they led."""
+        valid = [result for result in self.results.values() if result is not None and result.status != INVALID]
+        if not valid:
+            return
+        lost = _Result(
+            min(result.fitness for result in valid), np.mean([result.descriptor for result in valid], axis=0), INVALID
+        )
+        results = [self.results[row] for row in range(len(self.solutions))]
+        columns = zip(*[lost if result is None or result.status == INVALID else result for result in results], strict=True)
+        fitness, descriptor, status = columns
+        objective, status = np.array(fitness), np.array([_THEIRS[one] for one in status])
+        self.emitter.tell(self.solutions, objective, np.array(descriptor), {"status": status, "value": objective.copy()})
+
+
+class _Place(NamedTuple):
+    """Where a solution, (n_genes,), stands in its batch."""
+
+    batch: _Batch
+    row: int
+    solution: np.ndarray
+
+
+@dataclass(eq=False)
+class Ribs:
+    """Emitters of pyribs, https://pyribs.org: `pip install "auroraqd[ribs]"`.
+
+    Solutions are asked for and told in any number and order. An emitter of pyribs is told its batch when all of it is known;
+    what is asked for before comes from the next emitter, which is made when it is needed first. So there are several where a
+    generation is larger than a batch of pyribs, as in CMA-ME, and where workers do not wait for each other.
+
+    They are told what became of their solutions: their fitness as objective, their descriptors as measures, and as `add_info`
+    the status, and as value the fitness, for by how much one improves on another is not known here. One that is invalid, or
+    was withdrawn, counts as rejected, with the least fitness and the mean descriptor of its batch. Their solutions are clipped
+    to [0, 1].
+
+    When the descriptor changes, and when a run is resumed, the emitters are made again: they have measures of the old
+    descriptor, and pyribs has no way to save its state. A run that is resumed therefore takes another course than one that was
+    not.
+
+    Args:
+        make: `make(archive, n_genes, seed)` gives an emitter; `CMA()`, `IsoLine()` and `Gaussian()` do so. The archive has what
+            the emitters of pyribs read, `sample_elites(1)["solution"][0]` for an x0 for instance.
 
     Raises:
         TypeError: it cannot be called.
+        ValueError: pyribs is not installed.
     """
 
     make: Callable[[Any, int, int], Any]
 
+    __repr__ = in_words
+
     def __post_init__(self) -> None:
         if not callable(self.make):
             raise TypeError(f"make must be callable, make(archive, n_genes, seed), got {shown(self.make)}")
-        self._emitter: Any = None
-        self._asked = np.empty((0, 0))  # solutions that it has not been told about
+        if find_spec("ribs") is None:
+            raise ValueError('pyribs is not installed: pip install "auroraqd[ribs]"')
         self._said = False
+        self._start()
+
+    def _start(self) -> None:
+        self._idle: list[Any] = []  # emitters of pyribs that have been told all that they asked
+        self._queue: list[_Place] = []  # solutions that nobody has asked for yet
+        self._out: dict[bytes, list[_Place]] = {}  # those that were asked for, by their genotypes
 
     def ask(self, archive: Archive, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """See `auroraqd.emitters`. They have no parents.
 
         Raises:
-            ModuleNotFoundError: pyribs is not installed.
             TypeError: what `make` gave is no emitter.
-            ValueError: the emitter gives another number of solutions, or something else than solutions.
+            ValueError: the emitter gives something else than solutions.
         """
-        if self._emitter is None:
-            self._emitter = self._made(archive, int(rng.integers(2**63)))
-        found = numbers("solutions of the pyribs emitter", self._emitter.ask(), axes=2, finite=True)
-        if found.shape != (n, archive.genotype.shape[1]):
-            wanted = n, archive.genotype.shape[1]
-            raise ValueError(
-                f"make must give an emitter with batch_size={n}, for solutions of shape {wanted}, got {found.shape}"
-            )
-        self._asked = np.clip(found, 0, 1)
-        return self._asked.copy(), np.full(n, -1)
+        while len(self._queue) < n:
+            self._queue += self._batch(archive, rng)
+        given, self._queue = self._queue[:n], self._queue[n:]
+        for place in given:
+            self._out.setdefault(place.solution.tobytes(), []).append(place)
+        return np.stack([place.solution for place in given]), np.full(n, -1)
 
     def tell(self, archive: Archive, batch: Columns, info: Info) -> None:
-        """See `auroraqd.emitters`. What is not the batch that was asked for last, whole, is passed over."""
-        if self._emitter is None or not np.array_equal(batch["genotype"], self._asked):
-            return
-        valid = np.flatnonzero(info.status != INVALID)
-        self._asked = self._asked[:0]
-        if len(valid) == 0:  # nothing is known of where they led
-            return
-        fitness, descriptor = batch["fitness"].copy(), batch["descriptor"].copy()
-        gone = info.status == INVALID
-        fitness[gone], descriptor[gone] = fitness[valid].min(), descriptor[valid].mean(axis=0)
-        status = np.array([_THEIRS[status] for status in info.status.tolist()])
-        self._emitter.tell(batch["genotype"], fitness, descriptor, {"status": status, "value": fitness.copy()})
+        """See `auroraqd.emitters`. What was asked for before the descriptor changed is passed over."""
+        columns = batch["fitness"].tolist(), batch["descriptor"], info.status.tolist()
+        self._known(batch["genotype"], [_Result(*row) for row in zip(*columns, strict=True)])
+
+    def withdrawn(self, genotype: np.ndarray) -> None:
+        """See `auroraqd.emitters`."""
+        self._known(genotype, [None] * len(genotype))
 
     def updated(self, archive: Archive, describe: Callable[[Columns], Columns]) -> None:
-        """See `auroraqd.emitters`: it is made again, for its measures are of the old descriptor."""
-        self._emitter = None
+        """See `auroraqd.emitters`: they are made again, for their measures are of the old descriptor."""
+        self._start()
 
     def state(self) -> dict[str, Any]:
         """Nothing, and a warning, the first time."""
@@ -149,11 +293,34 @@ class Ribs:
             )
         return {}
 
+    def _batch(self, archive: Archive, rng: np.random.Generator) -> list[_Place]:
+        """What one emitter asks next."""
+        emitter = self._idle[0] if self._idle else self._made(archive, int(rng.integers(2**63)))
+        found = numbers("solutions of the pyribs emitter", emitter.ask(), axes=2, finite=True)
+        n, n_genes = len(found), archive.genotype.shape[1]
+        if found.shape != (n, n_genes) or n == 0:
+            raise ValueError(f"make must give an emitter of solutions of shape (n, {n_genes}), got {found.shape}")
+        self._idle = self._idle[1:]
+        batch = _Batch(emitter, np.clip(found, 0, 1))
+        return [_Place(batch, row, solution) for row, solution in enumerate(batch.solutions)]
+
+    def _known(self, genotype: np.ndarray, results: list[_Result | None]) -> None:
+        """What became of solutions, (n, n_genes); None: it will never be known. Emitters whose batch is complete are told."""
+        complete = []
+        for row, result in zip(genotype, results, strict=True):
+            places = self._out.get(key := row.tobytes(), [])
+            if places:
+                place = places.pop(0)
+                place.batch.results[place.row] = result
+                if len(place.batch.results) == len(place.batch.solutions):
+                    complete.append(place.batch)
+            if not places:
+                self._out.pop(key, None)
+        for batch in complete:
+            batch.tell()
+            self._idle.append(batch.emitter)
+
     def _made(self, archive: Archive, seed: int) -> Any:
-        try:
-            import ribs.emitters  # noqa: F401 # pyright: ignore[reportMissingImports] - optional
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(f'Ribs needs pyribs, pip install "auroraqd[ribs]": {error}') from None
         made = self.make(Elites(archive, seed), archive.genotype.shape[1], seed)
         for name in ("ask", "tell"):
             if not callable(getattr(made, name, None)):

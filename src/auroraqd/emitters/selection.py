@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import KDTree
 
-from auroraqd._checks import function, instance, whole
+from auroraqd._checks import function, in_words, instance, whole
 from auroraqd._compiled import compiled
 from auroraqd.archives.base import Archive
 from auroraqd.archives.unstructured import UnstructuredArchive
@@ -93,6 +93,8 @@ class Mixed:
 
     a: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Novelty)
     b: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Surprise)
+
+    __repr__ = in_words
 
     def __post_init__(self) -> None:
         function("a", self.a)

@@ -49,14 +49,15 @@ def imported(module: str, name: str) -> Any:
 
 
 def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
-    """A dataclass of several, by its name and options.
+    """A dataclass of several, by its name, which may have colons in it, and options.
 
     Raises:
         ValueError: no such name or option, or a value of another type.
     """
-    kind, _, options = text.partition(":")
-    if kind not in kinds:
-        raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {kind!r}")
+    kind = max((kind for kind in kinds if f"{text}:".startswith(f"{kind}:")), key=len, default=None)
+    if kind is None:
+        raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {text.partition(':')[0]!r}")
+    options = text.removeprefix(kind).removeprefix(":")
     types = {f.name: f.type for f in fields(kinds[kind]) if isinstance(f.type, type)}  # others cannot be written
     given = {
         key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)

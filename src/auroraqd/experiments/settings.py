@@ -17,7 +17,7 @@ from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.control import resolution, schedule
 from auroraqd.descriptors.descriptor import GENOTYPE, HAND_CODED, OBSERVATION
 from auroraqd.descriptors.scaling import Scaling
-from auroraqd.emitters import selection, variation
+from auroraqd.emitters import ribs, selection, variation
 from auroraqd.experiments.options import built, imported, keyword_parameters
 from auroraqd.provenance import importable, task_in
 from auroraqd.runs.parts import as_json
@@ -33,6 +33,7 @@ _SINCE = {  # settings that earlier versions have not
     "asynchronous": False,
     "emitter": {"type": "Genetic"},
 }
+_OF_PYRIBS = ribs.CMA | ribs.IsoLine | ribs.Gaussian
 _COMPETITION = ("k", "epsilon", "competition", "capacity", "l")
 
 
@@ -144,6 +145,9 @@ STRATEGIES = {
         "novelty-search": emitters.NoveltySearch,
         "nslc": emitters.NSLC,
         "taxons": emitters.TAXONS,
+        "ribs:cma": ribs.CMA,
+        "ribs:iso-line": ribs.IsoLine,
+        "ribs:gaussian": ribs.Gaussian,
     },
     "selection": {
         "curiosity": selection.Curiosity,
@@ -281,7 +285,7 @@ class Settings:
             archive=self._archive(task),
             selection=self.selection if self.genetic else None,
             variation=self.variation if self.genetic else None,
-            emitter=None if self.genetic else self.emitter,
+            emitter=self._emitter(),
             resolution=self.resolution,
             schedule=self.schedule,
             prior=self._prior(task),
@@ -289,6 +293,12 @@ class Settings:
             robust=self.robust,
         )
         return task, aurora
+
+    def _emitter(self) -> Any:
+        """None where selection and variation make it. What makes emitters of pyribs is a setting of its own."""
+        if isinstance(self.emitter, _OF_PYRIBS):
+            return emitters.Ribs(self.emitter)
+        return None if self.genetic else self.emitter
 
     def _archive(self, task: Any) -> Archive:
         """Empty; with cells of whole observations, of a task that has the data for them."""

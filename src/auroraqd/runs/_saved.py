@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import MOST_SEED, number, shown, whole
+from auroraqd._checks import MOST_SEED, check_genotypes, number, shown, whole
 from auroraqd.history import Record
 from auroraqd.observations import Layout, has_streams, layout_of, streams_of
 
@@ -119,8 +119,10 @@ def _check_individuals(prefix: str, columns: Mapping[str, np.ndarray], n_genes: 
     check_array(f"{prefix}.genotype", genotype, axes=2, dtype=np.float64, finite=True)
     assert genotype is not None
     least = 1 if prefix == "pending" else 0
-    if len(genotype) < least or genotype.shape[1] != n_genes or not ((genotype >= 0) & (genotype <= 1)).all():
-        raise ValueError(f"{prefix}.genotype must have shape (n, {n_genes}), in [0, 1], got shape {genotype.shape}")
+    if len(genotype) < least or genotype.shape[1] != n_genes:
+        raise ValueError(f"{prefix}.genotype must have shape (n, {n_genes}), got {genotype.shape}")
+    if len(genotype):
+        check_genotypes(f"{prefix} must have", genotype, genotype.shape)
     check_array(f"{prefix}.parent", columns.get("parent", columns.get("parent_id")), axes=1, dtype=np.int64, n=len(genotype))
     for name in ("born", "emitter"):
         if name in columns:  # not in files of version 0.2.0

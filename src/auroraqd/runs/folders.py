@@ -179,11 +179,13 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
 
     Args:
         folder: as written by `auroraqd run`, `auroraqd.save` or `auroraqd.Checkpoints`.
-        trusted: full names of the types, beyond scikit-learn's, that may be created to load the descriptor.
+        trusted: full names of the types, beyond scikit-learn's and auroraqd's, that may be created: of the descriptor, of
+            strategies, emitters and archives.
         any_environment: whether to go on with other versions, or on another machine, than before: then rounding may differ,
             and the run takes another course.
         parts: `selection`, `variation` or `emitter`, `resolution`, `schedule`, or an empty `archive`, to use instead of the
-            saved ones. Those that are not auroraqd's own must be given, or their types trusted.
+            saved ones. Those that are not auroraqd's own must be given, or their types trusted, which are then made with the
+            arguments that they keep in attributes of the same names.
 
     Raises:
         TypeError: an argument is of the wrong kind.

@@ -1,11 +1,14 @@
 """The parts of a run, strategies, emitters and archives, as JSON values, and back.
 
 A part of auroraqd's own is known by the name of its class; one of yours by its full name, "mymodule.MyArchive", and made again
-only if that is trusted: to name a class in a file must not be enough to have its module run.
+only if that is trusted: to name a class in a file must not be enough to have its module run. It is made with the arguments that
+it was made with, as far as the object has them: a dataclass has, and so has what keeps them in attributes of their names.
 """
 
 from __future__ import annotations
 
+import inspect
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from importlib import import_module
@@ -27,19 +30,51 @@ _HOMES = {
     "emitter": [genetic, goals, population, ribs],
     "archive": [unstructured, grid, cvt, dominated],
 }
+_NAMED = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+_LOST = "lost"  # in the place of "type", where what is there says no more than what it is called
 
 
 def as_json(part: Any) -> Any:
-    """A part as its type and fields, parts among these likewise; or what it is called if it is no dataclass."""
-    if is_dataclass(part) and not isinstance(part, type):
-        return {"type": _called(type(part)), **{f.name: _field(getattr(part, f.name)) for f in fields(part)}}
-    return None if part is None else getattr(part, "__qualname__", repr(part))
+    """A part as its type and the arguments it is made with, parts among these likewise; or, where it does not say what these
+    are, or they are no JSON values, what it is called.
+    """
+    if part is None:
+        return None
+    arguments = {} if isinstance(part, type) else _arguments(part)
+    if arguments is None or (not arguments and hasattr(part, "__qualname__")):
+        return getattr(part, "__qualname__", _called(type(part)))
+    values = {"type": _called(type(part)), **{name: _argument(value) for name, value in arguments.items()}}
+    try:
+        json.dumps(values)
+    except (TypeError, ValueError):
+        return _called(type(part))
+    return values
 
 
-def _field(value: Any) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        return as_json(value)
-    return value.__qualname__ if callable(value) and hasattr(value, "__qualname__") else value
+def _arguments(part: Any) -> dict[str, Any] | None:
+    """What an object is made with: the fields of a dataclass; of others, the parameters of the constructor, if there are
+    attributes of these names, as estimators of scikit-learn have them. None: nobody can say.
+    """
+    if is_dataclass(part):
+        names = [f.name for f in fields(part) if f.init]
+    else:
+        try:
+            parameters = inspect.signature(type(part)).parameters
+        except (TypeError, ValueError):
+            return None
+        if any(parameter.kind not in _NAMED for parameter in parameters.values()):
+            return None
+        names = list(parameters)
+    return {name: getattr(part, name) for name in names} if all(hasattr(part, name) for name in names) else None
+
+
+def _argument(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if value is None or isinstance(value, bool | int | float | str | list | tuple | Mapping):
+        return value
+    found = as_json(value)
+    return found if isinstance(found, Mapping) else {_LOST: found}
 
 
 def archive_as_json(archive: Archive) -> dict[str, Any]:
@@ -62,16 +97,22 @@ def made(name: str, value: Any, trusted: Sequence[str]) -> Any:
         return None
     options = dict(value) if isinstance(value, Mapping) else {"type": value}
     kind = _kind(name, options.pop("type", None), trusted)
-    if not isinstance(value, Mapping) or not is_dataclass(kind):
-        raise ValueError(f"{name} was {shown(value)}, which is not of auroraqd: give it again, resume(..., {name}=...)")
+    if not isinstance(value, Mapping) or not isinstance(kind, type):
+        trust = f", or trust it, trusted=[{value['type']!r}]" if isinstance(value, Mapping) and "type" in value else ""
+        raise ValueError(f"{name} was {shown(value)}, which is not of auroraqd: give it again, resume(..., {name}=...){trust}")
     for part, given in options.items():
+        if isinstance(given, Mapping) and _LOST in given:
+            raise ValueError(
+                f"{name} was {shown(value)}, with {given[_LOST]} as {part}, which is not of auroraqd: give it again, "
+                f"resume(..., {name}=...)"
+            )
         if part in _HOMES:
             options[part] = made(part, given, trusted)
         elif isinstance(given, Mapping) and "type" in given:  # one of several alike
             options[part] = made(name, given, trusted)
     try:
         return kind(**options)  # pyright: ignore[reportCallIssue] - a type
-    except TypeError as error:  # a function of the user's among them
+    except TypeError as error:
         raise ValueError(f"{name} was {shown(value)}: {error}; give it again, resume(..., {name}=...)") from None
 
 

@@ -6,13 +6,31 @@ import re
 import sys
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 _SEEDS = 1 << 31  # environments take seeds of 31 bits
 _log = logging.getLogger("auroraqd")
 _said: set[str] = set()
+
+
+class Part(NamedTuple):
+    """Of flat observations, (..., observations).
+
+    Attributes:
+        entries: where it is.
+        shape, dtype: of it alone.
+    """
+
+    entries: slice
+    shape: tuple[int, ...]
+    dtype: np.dtype
+
+    def of(self, flat: np.ndarray) -> np.ndarray:
+        """(..., *shape), where NaN is 0 if it can be none."""
+        rows = flat[..., self.entries].reshape(*flat.shape[:-1], *self.shape)
+        return (rows if self.dtype.kind == "f" else np.nan_to_num(rows)).astype(self.dtype)
 
 
 class Environments:
@@ -64,6 +82,20 @@ class Environments:
             return int(self._gymnasium.spaces.flatdim(self.first.observation_space))
         except (NotImplementedError, ValueError):
             raise ValueError(f"observations of {self._recipe[0]} are not always as many numbers, which they must be") from None
+
+    @property
+    def streams(self) -> dict[str, Part]:
+        """The parts of an observation that is a Dict, by name; of others none."""
+        spaces, parts, start = self._gymnasium.spaces, {}, 0
+        if not isinstance(self.first.observation_space, spaces.Dict):
+            return {}
+        for name, space in self.first.observation_space.spaces.items():
+            stop = start + int(spaces.flatdim(space))
+            plain = isinstance(space, spaces.Box | spaces.MultiBinary)  # others are flattened, numbers one-hot
+            shape, dtype = (space.shape, space.dtype) if plain else ((stop - start,), np.dtype(np.float64))
+            parts[name] = Part(slice(start, stop), tuple(map(int, shape)), dtype)
+            start = stop
+        return parts
 
     def begin(self, env: Any, seed: int | None) -> np.ndarray:
         """Begin an episode, with the environment's own noise of this seed or, if None, without; return the observation."""

@@ -10,8 +10,9 @@ import numpy as np
 
 from auroraqd._checks import flag, instance, numbers, seeds_for, shown, whole, whole_numbers
 from auroraqd._workers import cores
+from auroraqd.observations import joined as streams
 from auroraqd.tasks import Evaluation
-from auroraqd.tasks._environments import Environments
+from auroraqd.tasks._environments import Environments, Part
 from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped
 from auroraqd.tasks.controllers import ClosedLoop, OpenLoop, Sinusoids, is_closed_loop
 
@@ -25,7 +26,9 @@ class Gym:
     """A task of an environment of Gymnasium.
 
     Observations are what is chosen at `samples` moments, (n, samples, chosen); the ground truth is the last of them,
-    (n, chosen). An individual whose simulation diverges, or whose controller returns a NaN, is invalid.
+    (n, chosen). Where the environment's own observation is a Dict, of joints and a camera for instance, its parts are streams,
+    each (n, samples, ...) in its own shape and dtype, and there is no ground truth. An individual whose simulation diverges, or
+    whose controller returns a NaN, is invalid.
 
     The task chooses how to simulate. What an open-loop controller does with a robot of MuJoCo is computed by MuJoCo's own
     multi-threaded rollout, of whole batches, when nothing asks for more than positions and velocities, and the environment's
@@ -39,8 +42,8 @@ class Gym:
         steps: of control, an episode; the environment's own limit does not count.
         samples: moments that are observed, evenly spaced, the last at the end.
         positions: which of MuJoCo's qpos are observed; the first two are often the torso's place in the world, and the default.
-        observe: which entries of the environment's own observation are observed instead; of environments that are not
-            MuJoCo's, all by default.
+        observe: which entries of the environment's own observation, flattened, are observed instead, or, of one that is a Dict,
+            which streams, by name; of environments that are not MuJoCo's, all by default.
         fitness: from an `Episode` to (n,), of which MuJoCo's rollout leaves reward and observation out; or "return", the sum of
             the environment's own rewards; None: 0, only explore.
         noisy: begin as the environment does, with its noise, of a seed for each individual; the task is then called as
@@ -64,7 +67,7 @@ class Gym:
     steps: int = 200
     samples: int = 20
     positions: Sequence[int] | None = None
-    observe: Sequence[int] | None = None
+    observe: Sequence[int] | Sequence[str] | None = None
     fitness: Callable[[Episode], np.ndarray] | Literal["return"] | None = None
     noisy: bool = False
     modify: Callable[[Any], object] | None = None
@@ -83,7 +86,7 @@ class Gym:
             raise ValueError(f"modify must be a function that changes a model of MuJoCo, got {shown(self.modify)}")
         for name in ("positions", "observe"):
             chosen = getattr(self, name)
-            if chosen is not None:
+            if chosen is not None and not (name == "observe" and _names(chosen)):
                 whole_numbers(name, chosen, axes=1)
         if not isinstance(self.options, dict):
             raise ValueError(f"options must be a dictionary, as gymnasium.make takes them, got {shown(self.options)}")
@@ -111,20 +114,42 @@ class Gym:
                 "choose entries of its observation with observe"
             )
         self._of_observation = model is None or self.observe is not None
-        name = "observe" if self._of_observation else "positions"
-        there = self._environments.observations if model is None or self._of_observation else model.nq
-        chosen = self.observe if self._of_observation else self.positions
-        if chosen is None:
-            chosen = range(there) if self._of_observation else range(min(2, there))
-        self._chosen = list(chosen)
-        if not self._chosen or any(not 0 <= index < there for index in self._chosen):
-            raise ValueError(f"{name} must be of 0 to {there - 1} for {self.env_id}, got {self._chosen}")
+        self._streams = self._chosen_streams()
+        self._chosen = [] if self._streams else self._chosen_entries()
         sizes = (self._environments.observations, actuators) if closed else (actuators,)
         self.n_genes: int = whole("n_genes of the controller", self.controller.n_genes(*sizes))
         self._rollout = None
         if not (closed or self._of_observation or self.fitness == "return" or "max_episode_steps" in self.options):
             rollout = Rollout(self._environments, self.threads or _threads())
             self._rollout = rollout if rollout.agrees() else None
+
+    def _chosen_streams(self) -> dict[str, Part]:
+        """Of an observation that is a Dict, unless entries are chosen."""
+        wanted, there = self.observe, self._environments.streams
+        if not self._of_observation or not (there if wanted is None else _names(wanted)):
+            return {}
+        names: list[Any] = list(there if wanted is None else wanted)
+        if not there or not set(names) <= set(there):
+            which = f"of the streams {', '.join(there)}" if there else f"of 0 to {self._environments.observations - 1}"
+            raise ValueError(f"observe must be {which} for {self.env_id}, got {shown(names)}")
+        odd = [name for name in names if not name.isidentifier()]
+        if odd:
+            raise ValueError(
+                f"streams of {self.env_id} must have names as of variables, got {shown(odd[0])}: choose others, or entries by "
+                "their numbers, with observe"
+            )
+        return {name: there[name] for name in names}
+
+    def _chosen_entries(self) -> list[int]:
+        name = "observe" if self._of_observation else "positions"
+        model = self._environments.model
+        there = self._environments.observations if self._of_observation else model.nq
+        chosen: Any = self.observe if self._of_observation else self.positions
+        if chosen is None:
+            chosen = range(there) if self._of_observation else range(min(2, there))
+        if not len(chosen) or any(not 0 <= index < there for index in chosen):
+            raise ValueError(f"{name} must be of 0 to {there - 1} for {self.env_id}, got {list(chosen)}")
+        return list(chosen)
 
     @property
     def seeded(self) -> bool:
@@ -149,7 +174,8 @@ class Gym:
                 that returns another shape than it must.
         """
         parts = [self._evaluation(episode) for episode in self._episodes(genotypes, seeds)]
-        return Evaluation(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        columns = zip(*parts, strict=True)
+        return Evaluation(*(None if column[0] is None else np.concatenate(column) for column in columns))
 
     def episode(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> Episode:
         """All that robots do with these genotypes, (n, n_genes), with seeds (n,) if it is noisy.
@@ -201,7 +227,7 @@ class Gym:
         n = len(episode.length)
         moments = np.linspace(0, self.steps, self.samples + 1)[1:].round().astype(int) - 1
         states = episode.observation if self._of_observation else episode.qpos
-        path = states[:, moments][..., self._chosen]
+        seen = states[:, moments]
         if self.fitness is None:
             fitness = np.zeros(n)
         elif callable(self.fitness):
@@ -210,6 +236,12 @@ class Gym:
             fitness = episode.reward.sum(axis=1)
         if fitness.shape != (n,):
             raise ValueError(f"fitness must return shape ({n},), got {fitness.shape}")
+        if self._streams:
+            invalid = ~np.isfinite(seen).all(axis=(1, 2))  # which whole numbers cannot say
+            return Evaluation(
+                np.where(invalid, np.nan, fitness), streams({name: part.of(seen) for name, part in self._streams.items()})
+            )
+        path = seen[..., self._chosen]
         return Evaluation(fitness, path, path[:, -1])
 
     def _fitness(self, function: Callable[[Episode], np.ndarray], episode: Episode) -> np.ndarray:
@@ -231,6 +263,12 @@ class Gym:
             return numbers("what fitness returns", returned)
         except ValueError as error:
             raise ValueError(f"{error}{hint * ('None' in str(error))}") from None
+
+
+def _names(chosen: Any) -> bool:
+    """Whether they are names of streams, one at least."""
+    several = isinstance(chosen, Sequence) and not isinstance(chosen, str | bytes)
+    return several and len(chosen) > 0 and all(isinstance(name, str) for name in chosen)
 
 
 def _threads() -> int:
