@@ -223,24 +223,27 @@ def credit(curiosity, stored_ids, ids, status):
     return result
 
 
-def settled(rows, occupants, next_id):
-    """Individuals take their rows, one after the other; the occupants, a list of ids by row, change.
+def settled(rows, fitness, occupants, stored_fitness, next_id):
+    """Individuals take their rows, one after the other; the occupants and their fitness, lists by row, change.
 
-    Returns who stays, the ids of those that went, and the rows, -1 of those that do not stay.
+    Returns who stays, the ids of those that went, the rows, -1 of those that do not stay, and how much fitter each is than the
+    one whose place it took.
     """
-    mine, gone = {}, []
+    mine, gone, gain = {}, [], [math.nan] * len(rows)
     for i, row in enumerate(rows):
         if row < 0:
             continue
         if row < len(occupants):
             gone.append(occupants[row])
-            occupants[row] = next_id
+            gain[i] = fitness[i] - stored_fitness[row]
+            occupants[row], stored_fitness[row] = next_id, fitness[i]
         else:
             occupants.append(next_id)
+            stored_fitness.append(fitness[i])
         mine[next_id] = i
         next_id += 1
     staying = [i for id, i in mine.items() if id not in gone]
-    return staying, gone, [row if i in staying else -1 for i, row in enumerate(rows)]
+    return staying, gone, [row if i in staying else -1 for i, row in enumerate(rows)], gain
 
 
 def fill(mutated, spins):

@@ -12,6 +12,7 @@ from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd import asynchronous, evaluate
+from auroraqd.archives.base import NEW, REJECTED, REPLACED
 from auroraqd.emitters import Ribs
 from auroraqd.emitters.ribs import CMA, Gaussian, IsoLine
 from auroraqd.experiments.settings import Settings, strategy
@@ -94,7 +95,12 @@ def test_what_it_is_told():
     assert_array_equal(objective[~valid], objective[valid].min())
     assert np.isfinite(measures).all()
     assert_array_equal(info["status"], [{-1: 0, 0: 0, 1: 2, 2: 1}[value] for value in status.tolist()])
-    assert_array_equal(info["value"], objective)
+    gain = aurora.latest[1].gain
+    assert_array_equal(np.isfinite(gain), status == REPLACED)
+    assert_array_equal(info["value"][status == NEW], objective[status == NEW])
+    assert_array_equal(info["value"][status == REPLACED], gain[status == REPLACED])
+    assert_array_equal(info["value"][status == REJECTED], objective[status == REJECTED] - aurora.archive.fitness.max())
+    assert_array_equal(info["value"][~valid], info["value"][valid].min())
     aurora.tell(np.full(N, np.nan), *TASK(aurora.ask())[1:])
     assert len(inside.told) == 1  # of a batch without one that is valid nothing is known
 

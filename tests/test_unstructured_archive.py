@@ -233,9 +233,14 @@ def test_places_taken_agree_with_their_twin(seed):
     wrong = row.copy()
     wrong[rng.integers(n)] = free + 1
     assert not base._sound(np.array(status, np.int8), wrong, size)
-    after, next_id, staying, removed = base._settled(row, size, 20, ids, places)
-    wanted = naive.settled(rows, occupants, 20)
-    assert (staying.tolist(), removed.tolist(), row.tolist()) == wanted
+    fitness, gain, stored = rng.integers(0, 9, n).astype(float), np.full(n, np.nan), np.full(size + n, -7.0)
+    known = rng.integers(0, 9, size).astype(float).tolist()
+    stored[:size] = known
+    after, next_id, staying, removed = base._settled(row, fitness, size, 20, ids, stored, places, gain)
+    *wanted, gained = naive.settled(rows, fitness.tolist(), occupants, known, 20)
+    assert [staying.tolist(), removed.tolist(), row.tolist()] == wanted
+    assert_array_equal(gain, gained)
+    assert stored[:after].tolist() == known
     assert (after, next_id) == (len(occupants), 20 + sum(r >= 0 for r in rows))
     assert ids[:after].tolist() == occupants
     assert {id: place - 1 for id, place in enumerate(places) if place} == {id: row for row, id in enumerate(occupants)}

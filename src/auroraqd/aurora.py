@@ -58,7 +58,6 @@ _STATUS_NAMES = {REJECTED: "rejected", NEW: "new", REPLACED: "replaced", INVALID
 _MOST = 10**8  # genes, and individuals of a batch
 _PATIENCE = 10  # generations without one valid individual before `run` gives up
 _NO_ERROR = np.empty(0)
-_NOTHING = Info(np.empty(0, np.int8), np.empty(0, np.int64), np.empty(0, np.int64))
 _TICKETS, _RUNS = 32, 2**20  # exact as floats too: bits for those of one run; runs that are told apart, by their seeds
 
 
@@ -590,19 +589,16 @@ class Aurora:
             sound: (m,) bool, those to be added.
             calls: of the emitters.
         """
-        info = self.archive.insert(described, sound) if described.rows else _NOTHING
+        info = self.archive.insert(described, sound) if described.rows else Info.none(0)
         if described.rows < batch.rows:
-            status, row = np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1)
-            status[readable], row[readable] = info.status, info.row
-            info = Info(status, row, info.removed)
+            info = info.among(readable)
         self._latest = batch, described, readable, info
         listening = [which for which, emitter in enumerate(self._emitters.emitters) if hasattr(emitter, "tell")]
         told = _all_of(batch, described, readable, info) if listening else batch
         for which in listening:
             rows = batch["emitter"] == which
             if rows.any():
-                of_its_own = Info(info.status[rows], info.row[rows], info.removed)
-                calls.call(self._emitters.emitters[which], "tell", self.archive, told.take(rows), of_its_own)
+                calls.call(self._emitters.emitters[which], "tell", self.archive, told.take(rows), info.only(rows))
         return info.status
 
     def _recall(self, asked: Asked, status: np.ndarray) -> None:

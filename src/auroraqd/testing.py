@@ -193,7 +193,7 @@ def _statuses_and_rows_add_up(make: Callable[[], Archive]) -> None:
         batch, before = _individuals(archive, 100, seed), set(archive.id.tolist())
         first = archive.state["next_id"]
         columns = Columns({**batch, "born": np.arange(100), "parent": np.full(100, -1)})
-        status, row, removed = archive.insert(columns, np.ones(100, bool))
+        status, row, removed, _ = archive.insert(columns, np.ones(100, bool))
         now, gone = set(archive.id.tolist()), set(removed.tolist())
         given = set(range(first, archive.state["next_id"]))
         _see(status.shape == row.shape == (100,), f"status has shape {status.shape} and row {row.shape}, for 100 individuals")

@@ -11,6 +11,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import auroraqd
+from auroraqd.archives.base import REPLACED
+from auroraqd.individuals import measured
 from auroraqd.testing import check_archive
 
 ARCHIVES = {
@@ -79,6 +81,22 @@ def test_batch_equals_one_by_one(make):
     assert_array_equal(status, single)
     for name in (*rows, "id"):
         assert_array_equal(getattr(together, name), getattr(apart, name))
+
+
+def test_a_gain_is_over_whose_place_was_taken(archive):
+    rows = individuals(600)
+    archive.add(**{name: values[:300] for name, values in rows.items()})
+    replaced = 0
+    for i in range(300, 600):
+        before = archive.fitness.copy()
+        one = measured({name: values[i : i + 1] for name, values in rows.items()} | {"born": None, "parent": None})
+        info = archive.insert(one, True)
+        if info.status[0] == REPLACED:
+            replaced += 1
+            assert info.gain[0] == rows["fitness"][i] - before[info.row[0]]
+        else:
+            assert np.isnan(info.gain[0])
+    assert replaced or isinstance(archive, auroraqd.DominatedArchive)  # in which those who stay are new
 
 
 def test_redescribe_by_a_column_of_its_own(archive):

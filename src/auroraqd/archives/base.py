@@ -54,11 +54,28 @@ class Info(NamedTuple):
         status: (n,) int8: 0 rejected, 1 new, 2 replaced another, -1 invalid.
         row: (n,) int64: where each is stored now, -1 where it is not.
         removed: (m,) int64: ids of those that are no longer stored, others of the same batch among them.
+        gain: (n,) float64: how much fitter each is than the one whose place it took; NaN where it took nobody's.
     """
 
     status: np.ndarray
     row: np.ndarray
     removed: np.ndarray
+    gain: np.ndarray
+
+    @classmethod
+    def none(cls, n: int) -> Info:
+        """Of n individuals that are all invalid."""
+        return cls(np.full(n, INVALID, np.int8), np.full(n, -1), _NONE, np.full(n, np.nan))
+
+    def among(self, which: np.ndarray) -> Info:
+        """Of n individuals of which these are the ones where (n,) bool is true, and the others invalid."""
+        found = Info.none(len(which))._replace(removed=self.removed)
+        found.status[which], found.row[which], found.gain[which] = self.status, self.row, self.gain
+        return found
+
+    def only(self, which: np.ndarray) -> Info:
+        """Of some of these individuals, where (n,) bool is true."""
+        return Info(self.status[which], self.row[which], self.removed, self.gain[which])
 
 
 class Archive(Individuals, ABC):
@@ -233,12 +250,9 @@ class Archive(Individuals, ABC):
             return self._insert(batch, valid & finite_rows(batch["descriptor"]))
 
     def _insert(self, batch: Columns, valid: np.ndarray) -> Info:
-        if valid.all():
-            return self._insert_valid(batch) if batch.rows else Info(np.empty(0, np.int8), _NONE, _NONE)
-        status, row, removed = np.full(batch.rows, INVALID, np.int8), np.full(batch.rows, -1), _NONE
-        if valid.any():
-            status[valid], row[valid], removed = self._insert_valid(batch.chosen(valid))
-        return Info(status, row, removed)
+        if not valid.any():
+            return Info.none(batch.rows)
+        return self._insert_valid(batch) if valid.all() else self._insert_valid(batch.chosen(valid)).among(valid)
 
     def _insert_valid(self, batch: Columns) -> Info:
         size, n = len(self), batch.rows
@@ -252,10 +266,14 @@ class Archive(Individuals, ABC):
         # From here on each has its place, and nothing may fail.
         self._population.reserve(size + int(np.count_nonzero(status == NEW)))
         self._where.reserve(self._next_id + n)
-        ids, places = self._population.raw("id"), self._where.places
-        size, self._next_id, staying, removed = _settled(row, size, self._next_id, ids, places)
+        ids, stored = self._population.raw("id"), self._population.raw("fitness")
+        fitness, gain = np.ascontiguousarray(batch["fitness"]), np.full(n, np.nan)
+        size, self._next_id, staying, removed = _settled(
+            row, fitness, size, self._next_id, ids, stored, self._where.places, gain
+        )
         self._population.write(row[staying], batch.chosen(staying), size)
-        return Info(status, row, removed) if len(evicted) == 0 else self._evicted(Info(status, row, removed), evicted)
+        info = Info(status, row, removed, gain)
+        return info if len(evicted) == 0 else self._evicted(info, evicted)
 
     def _evicted(self, info: Info, evicted: np.ndarray) -> Info:
         """Let the individuals in these rows go, and the rest close up."""
@@ -268,7 +286,7 @@ class Archive(Individuals, ABC):
         self._where.set(self.id, np.arange(len(self)))
         row = np.where(info.row < 0, -1, place[info.row])
         self.reindex()
-        return Info(info.status, row, np.concatenate([info.removed, removed]))
+        return info._replace(row=row, removed=np.concatenate([info.removed, removed]))
 
     def _decide(self, batch: Columns) -> Placement:
         """What `place` decides, which must make sense. If not, or if it raises, the archive is as before."""
@@ -412,15 +430,17 @@ def _credit(curiosity, places, ids, status):
 
 
 @compiled(nogil=True)
-def _settled(row, size, next_id, ids, places):
+def _settled(row, fitness, size, next_id, ids, stored_fitness, places, gain):
     """Give those that are stored ids, and their places, one after the other.
 
     Args:
         row: (n,) int64, the place of each, -1 for none; set to -1 where another of them takes it later.
+        fitness: (n,), of each.
         size: individuals stored before.
         next_id: the first of theirs.
-        ids: (most,) int64, by row; set.
+        ids, stored_fitness: (most,) int64 and float64, by row; set.
         places: (most,) int32, by id, see `Rows`; set.
+        gain: (n,), see `Info`; set where a place is taken.
 
     Returns:
         Individuals stored after; the next id; who of them stays, (m,) int64; and the ids of those that went, (r,) int64.
@@ -434,13 +454,14 @@ def _settled(row, size, next_id, ids, places):
         if place < size:
             before = ids[place]
             places[before] = 0
+            gain[i] = fitness[i] - stored_fitness[place]
             removed[gone] = before
             gone += 1
             if before >= first:
                 row[stored[before - first]] = -1
         else:
             size += 1
-        ids[place], places[next_id] = next_id, place + 1
+        ids[place], stored_fitness[place], places[next_id] = next_id, fitness[i], place + 1
         stored[next_id - first] = i
         next_id += 1
     staying = 0

@@ -181,6 +181,7 @@ class _Result(NamedTuple):
     fitness: float
     descriptor: np.ndarray
     status: int
+    value: float
 
 
 class _Batch:
@@ -195,14 +196,13 @@ class _Batch:
         valid = [result for result in self.results.values() if result is not None and result.status != INVALID]
         if not valid:
             return
-        lost = _Result(
-            min(result.fitness for result in valid), np.mean([result.descriptor for result in valid], axis=0), INVALID
-        )
+        least = min(result.fitness for result in valid), min(result.value for result in valid)
+        lost = _Result(least[0], np.mean([result.descriptor for result in valid], axis=0), INVALID, least[1])
         results = [self.results[row] for row in range(len(self.solutions))]
         columns = zip(*[lost if result is None or result.status == INVALID else result for result in results], strict=True)
-        fitness, descriptor, status = columns
-        objective, status = np.array(fitness), np.array([_THEIRS[one] for one in status])
-        self.emitter.tell(self.solutions, objective, np.array(descriptor), {"status": status, "value": objective.copy()})
+        objective, descriptor, status, value = columns
+        told = {"status": np.array([_THEIRS[one] for one in status]), "value": np.array(value)}
+        self.emitter.tell(self.solutions, np.array(objective), np.array(descriptor), told)
 
 
 class _Place(NamedTuple):
@@ -222,9 +222,10 @@ class Ribs:
     generation is larger than a batch of pyribs, as in CMA-ME, and where workers do not wait for each other.
 
     They are told what became of their solutions: their fitness as objective, their descriptors as measures, and as `add_info`
-    the status, and as value the fitness, for by how much one improves on another is not known here. One that is invalid, or
-    was withdrawn, counts as rejected, with the least fitness and the mean descriptor of its batch. Their solutions are clipped
-    to [0, 1].
+    the status, and a value: the fitness of one that is new; of one that took another's place, how much fitter it is; of one
+    that is rejected, how much less fit it is than the fittest of all, for pyribs' value, how much less than the one that kept
+    it out, is not known here. One that is invalid, or was withdrawn, counts as rejected, with the least of its batch, and the
+    mean descriptor. Their solutions are clipped to [0, 1].
 
     When the descriptor changes, and when a run is resumed, the emitters are made again: they have measures of the old
     descriptor, and pyribs has no way to save its state. A run that is resumed therefore takes another course than one that was
@@ -272,7 +273,11 @@ class Ribs:
 
     def tell(self, archive: Archive, batch: Columns, info: Info) -> None:
         """See `auroraqd.emitters`. What was asked for before the descriptor changed is passed over."""
-        columns = batch["fitness"].tolist(), batch["descriptor"], info.status.tolist()
+        fitness = batch["fitness"]
+        value = np.where(info.status == NEW, fitness, np.where(info.status == REPLACED, info.gain, np.nan))
+        best = max(archive.fitness.max(initial=-np.inf), fitness.max(initial=-np.inf, where=np.isfinite(fitness)))
+        value = np.where(info.status == REJECTED, fitness - best, value)
+        columns = fitness.tolist(), batch["descriptor"], info.status.tolist(), value.tolist()
         self._known(batch["genotype"], [_Result(*row) for row in zip(*columns, strict=True)])
 
     def withdrawn(self, genotype: np.ndarray) -> None:
