@@ -13,6 +13,8 @@ instead. `Team` tells what pyribs would. What that makes of a run is tried in th
 """
 
 import argparse
+import csv
+import io
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -187,10 +189,12 @@ def sphere_runs(path: Path, seeds: int, iterations: int = ITERATIONS, explained:
 
 def _write(path: Path, found: Iterable[Found]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(Found._fields)
+    table.writerows([f"{v:.6g}" if isinstance(v, float) else v for v in row] for row in found)
     with replacing(path) as file:
-        file.write((",".join(Found._fields) + "\n").encode())
-        for row in found:
-            file.write((",".join(f"{v:.6g}" if isinstance(v, float) else str(v) for v in row) + "\n").encode())
+        file.write(text.getvalue().encode())
 
 
 def sphere_table(found: list[Found]) -> str:
