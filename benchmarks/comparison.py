@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from rich.console import Console
+from scipy.stats import spearmanr
 from sphere import ITERATIONS, Team, sphere_figure, sphere_runs, sphere_table
 
 from auroraqd import emitters, metrics
@@ -100,7 +101,7 @@ OTHERS: dict[str, tuple[str, dict[str, Any]]] = {
     "goals": ("goals, IMGEP-UGL", {"emitter": emitters.Goals()}),
     "cma-me": ("CMA-ME, of pyribs", {"emitter": emitters.Ribs(cma)}),
 }
-ONCE = ("nslc",)  # where all are equally fit it is novelty search, number for number: one run shows it
+ONCE = ("nslc", "ae-isometric")  # that is novelty search where all are equally fit; this takes long, and is in reproduction.md
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,25 @@ class Drawn(Diversity):
         return metrics.diversity(individuals.observation[np.sort(rows)], self.bins)
 
 
+@dataclass(frozen=True)
+class PathLength:
+    """How far pucks go, in metres: the mean over the individuals of the length of their paths."""
+
+    name: str = "path"
+    title: str = "path, m"
+    form: str = "{:.2f}"
+    followed: bool = False
+    logarithmic: bool = False
+
+    def look(self, individuals: Any) -> float:
+        """See the class."""
+        return float(np.linalg.norm(np.diff(individuals.observation, axis=1), axis=2).sum(axis=1).mean())
+
+    def score(self, looked: float, reference: float) -> float:
+        """See the class."""
+        return looked
+
+
 ALGORITHMS = {
     "ballistic": replace(
         BALLISTIC, variants=algorithms(BALLISTIC), measures=(Coverage("klc", "KLC", metrics.klc),), tested=("klc",)
@@ -129,6 +149,7 @@ ALGORITHMS = {
         measures=(
             Diversity("diversity_20", "diversity", 20, followed=False),
             Drawn("diversity_drawn", f"of {STORED:,}", 20, followed=False),
+            PathLength(),
         ),
         tested=("diversity_20", "diversity_drawn"),
     ),
@@ -150,7 +171,7 @@ class Budget(NamedTuple):
 
     seeds: int = 5
     generations: int = 1_000
-    controlled: int = 5_000  # generations of CSC
+    controlled: int = 2_000  # generations of CSC
     controlled_seeds: int = 3
     sphere_seeds: int = 3
     iterations: int = ITERATIONS
@@ -193,7 +214,11 @@ def algorithms_table(ledger: Ledger, experiment: Experiment) -> str:
     speed = {variant.name: np.median([r.generations * r.batch_size / r.seconds for r in found]) for variant, found in rows}
     for variant, found in rows:
         cells = [_cell(measure.form, [r.value(measure.name) for r in found]) for measure in experiment.measures]
-        p = tests.get((AURORA, variant.name), tests.get((variant.name, AURORA)))
+        p = (
+            None
+            if variant.name == experiment.reference
+            else tests.get((AURORA, variant.name), tests.get((variant.name, AURORA)))
+        )
         lines.append(
             f"| {variant.title} | {_median(found, 'size'):,.0f} | {' | '.join(cells)} | {'' if p is None else f'{p:.2g}'} "
             f"| {speed[variant.name]:,.0f} | {speed[variant.name] / speed[AURORA]:.2f} |"
@@ -210,13 +235,22 @@ def _cell(form: str, values: Sequence[float]) -> str:
     return f"{form.format(q.median)} ({form.format(q.first)}, {form.format(q.third)})"
 
 
+def with_paths(ledger: Ledger) -> str:
+    """Whether those are diverse whose pucks go far, of the algorithms with PCA: the rank correlation of their medians."""
+    pca = [name for name in OTHERS if name != "map-elites"]
+    runs = [[result for result in ledger.results if result.variant == name] for name in pca]
+    medians = [(_median(found, "path"), _median(found, "diversity_drawn")) for found in runs if found]
+    correlation = spearmanr(*zip(*medians, strict=True)).statistic
+    return f"Rank correlation of path and diversity of {STORED:,}, {len(medians)} algorithms with PCA: {correlation:.2f}\n"
+
+
 def algorithms_figure(ledgers: Mapping[str, Ledger]) -> Figure:
     """Each run a dot: the KLC of throws, and the diversity of as many pucks, best above."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(11, 5.2), layout="constrained")
         for axes, (task, ledger) in zip(figure.subplots(1, 2), ledgers.items(), strict=True):
             experiment = ALGORITHMS[task]
-            *_, measure = experiment.measures
+            measure = next(m for m in experiment.measures if m.name == experiment.tested[-1])
             up = experiment.reference is None
             values = {
                 variant.title.replace("`", ""): [r.value(measure.name) for r in ledger.results if r.variant == name]
@@ -231,10 +265,14 @@ def algorithms_figure(ledgers: Mapping[str, Ledger]) -> Figure:
             axes.set_yticks(range(len(shown)), [title for _, title in (shown if up else shown[::-1])])
             axes.grid(axis="y", linewidth=0.3)
             if up:
-                axes.set(title=f"air hockey: diversity of {STORED:,}, more is better")
+                axes.set_title(f"air hockey: diversity of {STORED:,}", loc="left")
+                axes.set(xlabel="more is better", xlim=(0, None))
             else:
-                axes.set(title="ballistic: KLC, less is better", xscale="log")
+                axes.set_title("ballistic: KLC", loc="left")
+                axes.set(xlabel="less is better", xscale="log")
+                axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
                 axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+                axes.xaxis.set_minor_formatter(NullFormatter())
         return figure
 
 
@@ -251,8 +289,9 @@ def controlled_figure(ledgers: Mapping[str, Ledger]) -> Figure:
                     label = f"target {target:,}" if i == 0 else None
                     axes.plot(generations, np.array(sizes) / target, color=colors[target], linewidth=1.2, label=label)
             axes.axhline(1, color="black", linewidth=0.6)
-            axes.set(title=f"{task}: stored, over the target", xlabel="generation", xlim=(0, None), ylim=(0, None))
-        axes.legend(frameon=False)
+            axes.set(title=f"{task}: stored, over the target", xlabel="generation", xlim=(0, None))
+        figure.axes[0].set_ylim(bottom=0)
+        figure.axes[0].legend(frameon=False)
         return figure
 
 
@@ -302,6 +341,7 @@ def main() -> None:
         seeds = {name: 1 if name in ONCE else budget.seeds for name in experiment.variants}
         compared[task] = grown(experiment, out / f"algorithms-{task}", seeds, budget.generations, options.jobs)
         print(f"### {task}\n\n{algorithms_table(compared[task], experiment)}", flush=True)
+    print(with_paths(compared["air-hockey"]), flush=True)
     controlled = {}
     for task, experiment in CONTROLLED.items():
         seeds = dict.fromkeys(experiment.variants, budget.controlled_seeds)
