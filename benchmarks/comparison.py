@@ -1,8 +1,9 @@
 """All algorithms of docs/algorithms.md beside each other: the tables and figures of docs/comparison.md.
 
     pip install "auroraqd[ribs]"
-    python benchmarks/comparison.py              # what is in results/ is not done again: --out for a folder of your own
+    python benchmarks/comparison.py              # hours of one core; into runs/comparison
     python benchmarks/comparison.py --quick      # to see it work: some minutes; no conclusions can be drawn
+    python benchmarks/comparison.py --out results --page docs/comparison.md     # what that page shows, from what is in results
 
 On the ballistic task and on air hockey, each algorithm with the library's defaults, but that those that take a number of
 individuals to store take the same; then how the number that `CSC` stores comes to its target; then pyribs' sphere benchmark
@@ -23,10 +24,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from rich.console import Console
 from scipy.stats import spearmanr
-from sphere import ITERATIONS, Team, sphere_figure, sphere_runs, sphere_table
+from sphere import ITERATIONS, Found, Team, sphere_figure, sphere_runs, sphere_table
 
 from auroraqd import emitters, metrics
-from auroraqd._files import folder_at
+from auroraqd._files import folder_at, read_table
 from auroraqd._workers import cores
 from auroraqd.control.resolution import CSC, Size
 from auroraqd.emitters.selection import Mixed, Novelty, Surprise, Uniform
@@ -42,6 +43,7 @@ from auroraqd.report.style import STYLE, save_figure
 STORED = 5_000  # individuals, of those that take a number
 TARGETS = (1_000, 5_000, 10_000)  # of CSC
 AURORA = "aurora"
+SPHERE = Path("sphere", "sphere.csv")
 STRATEGIES, SIGMA = 5, 0.1  # of CMA-ME: emitters that share a batch; the first standard deviation, genes span [0, 1]
 
 
@@ -327,36 +329,60 @@ def _arrival(points: Sequence[tuple[int, int]], target: int) -> str:
     return f"{after[0]:,}" if after else "never"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results"), help="where results are, and more are added")
-    parser.add_argument("--seeds", type=int, default=Budget().seeds, help="of each algorithm")
-    parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once, of the first two parts")
-    parser.add_argument("--quick", action="store_true", help="into OUT/quick")
-    options = parser.parse_args()
-    budget, out = (QUICK, options.out / "quick") if options.quick else (Budget(options.seeds), options.out)
-
-    compared = {}
+def grow_all(out: Path, budget: Budget, jobs: int) -> None:
+    """All that is missing."""
     for task, experiment in ALGORITHMS.items():
         seeds = {name: 1 if name in ONCE else budget.seeds for name in experiment.variants}
-        compared[task] = grown(experiment, out / f"algorithms-{task}", seeds, budget.generations, options.jobs)
-        print(f"### {task}\n\n{algorithms_table(compared[task], experiment)}", flush=True)
-    print(with_paths(compared["air-hockey"]), flush=True)
-    controlled = {}
+        grown(experiment, out / f"algorithms-{task}", seeds, budget.generations, jobs)
     for task, experiment in CONTROLLED.items():
         seeds = dict.fromkeys(experiment.variants, budget.controlled_seeds)
-        controlled[task] = grown(experiment, out / f"csc-{task}", seeds, budget.controlled, options.jobs)
-    print(f"### CSC\n\n{controlled_table(controlled)}", flush=True)
-    found = sphere_runs(out / "sphere" / "sphere.csv", budget.sphere_seeds, budget.iterations, max(budget.iterations // 10, 1))
-    print(f"### Sphere\n\n{sphere_table(found)}", flush=True)
+        grown(experiment, out / f"csc-{task}", seeds, budget.controlled, jobs)
+    sphere_runs(out / SPHERE, budget.sphere_seeds, budget.iterations, max(budget.iterations // 10, 1))
 
-    figures = folder_at(out / "sphere")
-    for name, figure in {
-        "comparison": algorithms_figure(compared),
-        "csc": controlled_figure(controlled),
-        "sphere": sphere_figure(found),
-    }.items():
-        save_figure(figure, figures, name)
+
+def report(out: Path) -> tuple[dict[str, str], dict[str, Figure]]:
+    """Tables and figures of what there is, by name."""
+    compared = {task: Ledger(out / f"algorithms-{task}") for task in ALGORITHMS}
+    controlled = {task: Ledger(out / f"csc-{task}") for task in CONTROLLED}
+    found = read_table(out / SPHERE, Found)
+    tables = {task: algorithms_table(ledger, ALGORITHMS[task]) for task, ledger in compared.items()}
+    tables |= {"paths": with_paths(compared["air-hockey"])}
+    tables |= {"csc": controlled_table(controlled), "sphere": sphere_table(found)}
+    figures = {"comparison": algorithms_figure(compared), "csc": controlled_figure(controlled), "sphere": sphere_figure(found)}
+    return tables, figures
+
+
+def filled(page: str, tables: Mapping[str, str]) -> str:
+    """A page with the tables between the lines that name them, `<!-- sphere -->`, and the next `<!-- end -->`."""
+    for name, table in tables.items():
+        before, mark, rest = page.partition(f"<!-- {name} -->\n")
+        if not mark:
+            raise ValueError(f"page must have a line <!-- {name} -->, and has none")
+        page = before + mark + table + "<!-- end -->" + rest.partition("<!-- end -->")[2]
+    return page
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("runs/comparison"), help="where results are, and more are added")
+    parser.add_argument("--seeds", type=int, default=Budget().seeds, help="of each algorithm")
+    parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once, of all but the sphere")
+    parser.add_argument("--quick", action="store_true", help="into OUT/quick")
+    parser.add_argument("--page", type=Path, help="whose tables and figures are replaced by those that come out")
+    options = parser.parse_args()
+    budget, out = (QUICK, options.out / "quick") if options.quick else (Budget(options.seeds), options.out)
+    grow_all(out, budget, options.jobs)
+    tables, figures = report(out)
+    for name, table in tables.items():
+        print(f"### {name}\n\n{table}")
+    shown = out if options.page is None else options.page.parent
+    for name, figure in figures.items():
+        png, svg = save_figure(figure, folder_at(shown / "figures"), name)
+        print(png)
+        if options.page is not None:  # which shows the other
+            svg.unlink()
+    if options.page is not None:
+        options.page.write_text(filled(options.page.read_text(), tables))
 
 
 if __name__ == "__main__":
