@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from rich.console import Console
 from scipy.stats import spearmanr
-from sphere import ITERATIONS, Found, Team, sphere_figure, sphere_runs, sphere_table
+from sphere import EXPLAINED, ITERATIONS, Found, Team, sphere_figure, sphere_runs, sphere_table
 
 from auroraqd import emitters, metrics
 from auroraqd._files import folder_at, read_table
@@ -337,7 +337,7 @@ def grow_all(out: Path, budget: Budget, jobs: int) -> None:
     for task, experiment in CONTROLLED.items():
         seeds = dict.fromkeys(experiment.variants, budget.controlled_seeds)
         grown(experiment, out / f"csc-{task}", seeds, budget.controlled, jobs)
-    sphere_runs(out / SPHERE, budget.sphere_seeds, budget.iterations, max(budget.iterations // 10, 1))
+    sphere_runs(out / SPHERE, budget.sphere_seeds, budget.iterations, min(budget.iterations, EXPLAINED))
 
 
 def report(out: Path) -> tuple[dict[str, str], dict[str, Figure]]:

@@ -8,7 +8,7 @@ drawn around 0. The genes of auroraqd are in [0, 1]; here they span 1,000 units,
 solution came is written down, so that it can be seen that nothing met a bound.
 
 pyribs ranks the solutions of CMA-ME by how much each improves on the elite of its cell; `emitters.Ribs` tells it the fitness
-instead. `Team` tells what pyribs would. What that makes of a run is tried in the first tenth of the budget, both ways round:
+instead. `Team` tells what pyribs would. What that makes of a run is tried in the first 300 iterations, both ways round:
 `Ribs` alone, and pyribs itself told the fitness.
 """
 
@@ -35,7 +35,7 @@ DIMENSIONS, BOUND = 100, 5.12
 CELLS, REACH = 100, BOUND * DIMENSIONS / 2  # of the grid, along each side; half its width
 BATCH, EMITTERS = 540, 15
 SIGMA, LINE = 0.5, 0.2
-ITERATIONS, EXPLAINED = 10_000, 1_000  # of a run; of those that only show what the told value does
+ITERATIONS, EXPLAINED = 10_000, 300  # of a run; of those that show what the told value does
 SPAN = 1_000.0  # units of a parameter that the genes span
 LOOKS = (100, 300, 1_000, 3_000)  # iterations, beside the last
 CMA, FITNESS = "CMA-ME", "CMA-ME, told the fitness"
