@@ -1,6 +1,7 @@
 """The benchmark behind docs/comparison.md, and whether that page says what its results are."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import comparison
 import numpy as np
@@ -15,6 +16,7 @@ from auroraqd.experiments.settings import Settings
 from auroraqd.runs.parts import as_json
 
 pytest.importorskip("ribs")
+HOME = Path(__file__).parent.parent
 
 
 @pytest.mark.parametrize("task", comparison.ALGORITHMS)
@@ -121,3 +123,22 @@ def test_sphere_runs_go_on_where_they_were(tmp_path, capsys):
     table = sphere.sphere_table(again)
     assert "| CMA-ME, told the fitness | 2 | 1 |" in table
     assert len(sphere.sphere_figure(again).axes) == 4
+
+
+def test_the_page_says_what_the_results_are():
+    page, results = HOME / "docs" / "comparison.md", HOME / "results"
+    tables, figures = comparison.report(results)
+    assert comparison.filled(page.read_text(), tables) == page.read_text()
+    assert all((page.parent / "figures" / f"{name}.png").is_file() for name in figures)
+
+
+@pytest.mark.parametrize("task", comparison.ALGORITHMS)
+def test_local_competition_is_nothing_where_all_are_equally_fit(task):
+    results = Ledger(HOME / "results" / f"algorithms-{task}").results
+    one, other = (next(r for r in results if r.variant == name and r.replication == 0) for name in ("novelty-search", "nslc"))
+    assert (one.size, one.measures) == (other.size, other.measures)
+
+
+def test_a_page_without_a_place_for_a_table():
+    with pytest.raises(ValueError, match="page must have a line <!-- csc -->, and has none"):
+        comparison.filled("", {"csc": ""})
