@@ -234,7 +234,7 @@ def sphere_figure(found: list[Found]) -> Figure:
                     run = sorted((r.iteration, r.coverage) for r in found if r[:3] == (library, kind, seed))
                     label = library if seed == 0 else None
                     axes.plot(*np.array(run).reshape(-1, 2).T, line, color=color, marker=".", label=label)
-            axes.set(title=kind, xlabel="iteration", xscale="log", ylim=(0, 1))
+            axes.set(title=kind, xlabel="iteration", xscale="log", xlim=(80, 13_000), ylim=(0, 1))
         figure.axes[0].set(ylabel="coverage")
         figure.axes[0].legend(frameon=False)
         return figure
