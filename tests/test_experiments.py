@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
 from auroraqd.experiments.runner import execute, plan
 from auroraqd.experiments.statistics import Quartiles, rank_sums, summaries
-from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS
+from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS, Variant
 from auroraqd.report import write_report
 from auroraqd.runs import folders
 
@@ -352,6 +353,22 @@ def test_a_failing_run_is_given_up_and_the_others_go_on(tmp_path):
     assert [given_up[:2] for given_up in listener.given_up] == [("genotype", 0)]
     assert "must be a folder, and is a file" in listener.given_up[0][2]
     assert len(listener.results) == len(Ledger(tmp_path).results) == 5
+
+
+def test_a_variant_may_have_an_emitter_with_a_state(tmp_path):
+    variant = Variant("novelty", "novelty search", {"descriptor": "pca", "emitter": auroraqd.emitters.NoveltySearch()})
+    ledger, listener = Ledger(tmp_path), Quiet()
+    jobs, known = plan(
+        ledger,
+        replace(AIR_HOCKEY, variants={"novelty": variant}),
+        ["novelty"],
+        2,
+        settings.Settings(task="air-hockey", generations=2, batch_size=40),
+    )
+    with ThreadPoolExecutor(1) as here:
+        execute(jobs, known, ledger, 1, listener, here)
+    assert listener.given_up == []
+    assert [(row.variant, row.replication) for row in ledger.results] == [("novelty", 0), ("novelty", 1)]
 
 
 def test_without_its_reference_a_run_is_given_up_too(tmp_path):

@@ -80,6 +80,11 @@ class Job(NamedTuple):
     reference: Path | None  # the run folder of the reference of this replication; None: the run itself, or there is none
     measures: tuple[Measure, ...]
 
+    @property
+    def run(self) -> tuple[str, int]:
+        """Which run: settings are no key of anything, for emitters have a state."""
+        return self.variant, self.replication
+
 
 def looked_at(generations: int) -> frozenset[int]:
     """The generations at which a run is looked at: densely at first, then 50 times in equal steps."""

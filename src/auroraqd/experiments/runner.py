@@ -126,7 +126,7 @@ def execute(
     if cluster is not None:
         _until_broken(cluster, list(jobs), set(), settings, ledger, workers, listener)
         return
-    waiting, suspects = list(jobs), set[Job]()
+    waiting, suspects = list(jobs), set[tuple[str, int]]()
     context = multiprocessing.get_context("spawn")
     while waiting:
         # A queue for each pool: a worker that is killed may leave it locked. Then reports are lost, and nothing else.
@@ -134,7 +134,7 @@ def execute(
         reports.cancel_join_thread()
         relay = threading.Thread(target=_relay, args=(reports, listener), daemon=True)
         relay.start()
-        suspects &= set(waiting)
+        suspects &= {job.run for job in waiting}
         at_once = 1 if suspects else min(workers, len(waiting))
         with _pool(at_once, context, reports) as pool:
             waiting = _until_broken(pool, waiting, suspects, settings, ledger, at_once, listener)
@@ -145,7 +145,7 @@ def execute(
 def _until_broken(
     pool: Executor,
     waiting: list[Job],
-    suspects: set[Job],
+    suspects: set[tuple[str, int]],
     settings: Mapping[str, Settings],
     ledger: Ledger,
     workers: int,
@@ -163,7 +163,7 @@ def _until_broken(
         needed = {job.folder for job in [*waiting, *running.values()] if job.reference is None}
         while not broken and len(running) < workers:
             ready = next((job for job in waiting if job.reference not in needed), None)
-            if ready is None or (alone and ready not in suspects):
+            if ready is None or (alone and ready.run not in suspects):
                 break
             try:
                 running[pool.submit(_work, ready)] = ready
@@ -180,16 +180,16 @@ def _until_broken(
             except BrokenProcessPool:
                 broken = True
                 if alone:
-                    suspects.discard(job)
+                    suspects.discard(job.run)
                     waiting = _without(waiting, job, "its process died, twice", listener)
                 else:
-                    suspects.add(job)
+                    suspects.add(job.run)
                     waiting.insert(0, job)
             except Exception as error:
-                suspects.discard(job)
+                suspects.discard(job.run)
                 waiting = _without(waiting, job, f"{type(error).__name__}: {error}", listener)
             else:
-                suspects.discard(job)
+                suspects.discard(job.run)
                 ledger.add(settings[job.variant], result, points)
                 listener.finished(result)
     return waiting

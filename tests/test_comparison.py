@@ -1,0 +1,144 @@
+"""The benchmark behind docs/comparison.md, and whether that page says what its results are."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import comparison
+import numpy as np
+import pytest
+import sphere
+from numpy.testing import assert_allclose
+
+import auroraqd
+from auroraqd.experiments.ledger import Ledger
+from auroraqd.experiments.replication import Result
+from auroraqd.experiments.settings import Settings
+from auroraqd.runs.parts import as_json
+
+pytest.importorskip("ribs")
+HOME = Path(__file__).parent.parent
+
+
+@pytest.mark.parametrize("task", comparison.ALGORITHMS)
+def test_every_algorithm_runs(task):
+    experiment = comparison.ALGORITHMS[task]
+    for name, variant in experiment.variants.items():
+        if "autoencoder" in variant.settings["descriptor"]:  # which takes long, and is run elsewhere
+            continue
+        made, aurora = variant.of(Settings(task=task), 0).build()
+        aurora.run(made, generations=2)
+        assert len(aurora.archive), name
+        for measure in experiment.measures:
+            looked = measure.look(aurora.archive)
+            assert np.isfinite(measure.score(looked, looked))
+
+
+def test_settings_say_the_same_in_every_process():
+    assert as_json(comparison.OTHERS["cma-me"][1]["emitter"]) == {"type": "Ribs", "make": "cma"}
+
+
+def test_as_many_individuals_are_drawn():
+    task = auroraqd.tasks.AirHockey()
+    aurora = auroraqd.Aurora(8, "hand-coded", seed=0, batch_size=100).run(task, generations=3)
+    drawn = comparison.Drawn("drawn", "drawn", 20, number=30)
+    assert drawn.look(aurora.archive) < replace(drawn, number=len(aurora.archive)).look(aurora.archive)
+    assert replace(drawn, number=10**6).look(aurora.archive) == auroraqd.metrics.diversity(aurora.archive.observation, 20)
+
+
+def result(variant, replication, **values):
+    numbers = {name: kind(1) for name, kind in Result.__annotations__.items() if kind in (int, float)}
+    return Result(**{**numbers, "variant": variant, "replication": replication, **values})
+
+
+def test_the_table_is_in_order_and_tests_against_aurora(tmp_path):
+    ledger, experiment = Ledger(tmp_path), comparison.ALGORITHMS["air-hockey"]
+    for i, (variant, value) in enumerate({comparison.AURORA: 100.0, "random": 10.0, "surprise": 200.0}.items()):
+        for seed in range(5):
+            measures = {"diversity_20": value, "diversity_drawn": value + seed}
+            values = {"generations": 10, "batch_size": 200, "seconds": 2.0 + i, "measures": measures}
+            ledger.results.append(result(variant, seed, **values))
+    *_, first, second, third = comparison.algorithms_table(ledger, experiment).splitlines()
+    assert first.startswith("| selection by surprise")
+    assert second.startswith("| AURORA")
+    assert third.endswith("| 0.0079 | 667 | 0.67 |")  # exact, of five beside five that do not overlap
+
+
+def test_when_a_number_arrives_to_stay():
+    assert comparison._arrival([(1, 10), (2, 100), (3, 120), (4, 104), (5, 96)], 100) == "4"
+    assert comparison._arrival([(1, 10), (2, 90)], 100) == "never"
+    assert comparison._arrival([(1, 100)], 100) == "1"
+
+
+class Listening:
+    """An emitter that keeps what it is told."""
+
+    def __init__(self, solutions):
+        self.solutions = solutions
+
+    def ask(self):
+        return self.solutions
+
+    def tell(self, solution, objective, measures, add_info):
+        self.value = add_info["value"]
+
+
+def test_a_team_tells_the_value_that_pyribs_would():
+    from ribs.archives import GridArchive
+
+    rng = np.random.default_rng(0)
+    theirs = GridArchive(solution_dim=4, dims=(5, 5), ranges=[(-1, 1)] * 2)
+    stored, tried = rng.normal(size=(2, 40, 4))
+    theirs.add(stored, stored[:, 0], stored[:, 1:3])
+
+    class Elites:
+        def data(self):
+            return theirs.data()
+
+    members = [Listening(part) for part in np.split(tried, 4)]
+    team = sphere.Team(Elites(), members, auroraqd.metrics.grid_of(5, -1, 1, 2))
+    assert (team.ask() == tried).all()
+    info = theirs.add(tried, tried[:, 0], tried[:, 1:3])
+    team.tell(tried, tried[:, 0], tried[:, 1:3], {"status": info["status"], "value": tried[:, 0]})
+    assert_allclose(np.concatenate([member.value for member in members]), info["value"])
+    assert len(set(info["status"].tolist())) > 1
+
+
+def test_the_sphere_is_theirs():
+    solutions = np.array([[2.048] * 4, [0.0, 0.0, 10.24, -5.12]])
+    objective, measures = sphere.sphere(solutions)
+    assert_allclose(objective, [100, 100 - 100 * (2 * 2.048**2 + 8.192**2 + 7.168**2) / (4 * 7.168**2)])
+    assert_allclose(measures, [[4.096, 4.096], [0, 0.5 - 5.12]])
+
+
+def test_sphere_runs_go_on_where_they_were(tmp_path, capsys):
+    path = tmp_path / "sphere.csv"
+    found = sphere.sphere_runs(path, 1, iterations=3, explained=2)
+    kinds = (*sphere.KINDS, sphere.FITNESS)
+    assert {row[:2] for row in found} == {(library, kind) for library in sphere.LIBRARIES for kind in kinds}
+    assert all(0 < row.coverage < 1 for row in found)
+    assert capsys.readouterr().out.count("\n") == 10
+    again = sphere.sphere_runs(path, 1, iterations=3, explained=2)
+    assert [row[:4] for row in sorted(again)] == [row[:4] for row in sorted(found)]
+    assert capsys.readouterr().out == ""
+    table = sphere.sphere_table(again)
+    assert "| CMA-ME, told the fitness | 2 | 1 |" in table
+    assert len(sphere.sphere_figure(again).axes) == 4
+
+
+def test_the_page_says_what_the_results_are():
+    page, results = HOME / "docs" / "comparison.md", HOME / "results"
+    tables, figures = comparison.report(results)
+    assert comparison.filled(page.read_text(), tables) == page.read_text()
+    assert all((page.parent / "figures" / f"{name}.png").is_file() for name in figures)
+
+
+@pytest.mark.parametrize("task", comparison.ALGORITHMS)
+def test_local_competition_is_nothing_where_all_are_equally_fit(task):
+    results = Ledger(HOME / "results" / f"algorithms-{task}").results
+    one, other = (next(r for r in results if r.variant == name and r.replication == 0) for name in ("novelty-search", "nslc"))
+    assert (one.size, one.measures) == (other.size, other.measures)
+
+
+def test_a_page_without_a_place_for_a_table():
+    with pytest.raises(ValueError, match="page must have a line <!-- csc -->, and has none"):
+        comparison.filled("", {"csc": ""})
