@@ -24,12 +24,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from rich.console import Console
 from scipy.stats import spearmanr
-from sphere import EXPLAINED, ITERATIONS, Found, Team, sphere_figure, sphere_runs, sphere_table
+from sphere import ITERATIONS, Found, sphere_figure, sphere_runs, sphere_table
 
 from auroraqd import emitters, metrics
 from auroraqd._files import folder_at, read_table
 from auroraqd._workers import cores
 from auroraqd.control.resolution import CSC, Size
+from auroraqd.emitters.ribs import CMA
 from auroraqd.emitters.selection import Mixed, Novelty, Surprise, Uniform
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Coverage, Diversity
@@ -44,29 +45,7 @@ STORED = 5_000  # individuals, of those that take a number
 TARGETS = (1_000, 5_000, 10_000)  # of CSC
 AURORA = "aurora"
 SPHERE = Path("sphere", "sphere.csv")
-STRATEGIES, SIGMA = 5, 0.1  # of CMA-ME: emitters that share a batch; the first standard deviation, genes span [0, 1]
-
-
-def cma(archive: Any, n_genes: int, seed: int) -> Team:
-    """CMA-ME, made anew at each update of the descriptor."""
-    from ribs.emitters import EvolutionStrategyEmitter
-
-    rng = np.random.default_rng(seed)
-    batch = Settings().batch_size // STRATEGIES
-    return Team(
-        archive,
-        [
-            EvolutionStrategyEmitter(
-                archive,
-                x0=archive.sample_elites(1)["solution"][0],
-                sigma0=SIGMA,
-                ranker="2imp",
-                batch_size=batch,
-                seed=int(rng.integers(2**31)),
-            )
-            for _ in range(STRATEGIES)
-        ],
-    )
+STRATEGIES = 5  # of CMA-ME, that share a batch
 
 
 def _paper(name: str, experiment: Experiment, title: str) -> Variant:
@@ -101,7 +80,7 @@ OTHERS: dict[str, tuple[str, dict[str, Any]]] = {
     "nslc": ("NSLC", {"emitter": emitters.NSLC()}),
     "taxons": ("TAXONS", {"emitter": emitters.TAXONS()}),
     "goals": ("goals, IMGEP-UGL", {"emitter": emitters.Goals()}),
-    "cma-me": ("CMA-ME, of pyribs", {"emitter": emitters.Ribs(cma)}),
+    "cma-me": ("CMA-ME, of pyribs", {"emitter": emitters.Ribs(CMA(batch_size=Settings().batch_size // STRATEGIES))}),
 }
 ONCE = ("nslc", "ae-isometric")  # that is novelty search where all are equally fit; this takes long, and is in reproduction.md
 
@@ -337,7 +316,7 @@ def grow_all(out: Path, budget: Budget, jobs: int) -> None:
     for task, experiment in CONTROLLED.items():
         seeds = dict.fromkeys(experiment.variants, budget.controlled_seeds)
         grown(experiment, out / f"csc-{task}", seeds, budget.controlled, jobs)
-    sphere_runs(out / SPHERE, budget.sphere_seeds, budget.iterations, min(budget.iterations, EXPLAINED))
+    sphere_runs(out / SPHERE, budget.sphere_seeds, budget.iterations)
 
 
 def report(out: Path) -> tuple[dict[str, str], dict[str, Figure]]:

@@ -6,15 +6,12 @@ As `examples/sphere.py` of pyribs has it: 100 unbounded parameters, 10,000 itera
 MAP-Elites with Gaussian steps, with iso+line steps, and CMA-ME with 15 improvement emitters of 36. The first solutions are
 drawn around 0. The genes of auroraqd are in [0, 1]; here they span 1,000 units, from -500 to 500, and how far from 0 any
 solution came is written down, so that it can be seen that nothing met a bound.
-
-pyribs ranks the solutions of CMA-ME by how much each improves on the elite of its cell; `emitters.Ribs` tells it the fitness
-instead. `Team` tells what pyribs would. What that makes of a run is tried in the first 300 iterations, both ways round:
-`Ribs` alone, and pyribs itself told the fitness.
 """
 
 import argparse
 import csv
 import io
+import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -28,18 +25,16 @@ from threadpoolctl import threadpool_limits
 import auroraqd
 from auroraqd._files import read_table, replacing
 from auroraqd.emitters import Ribs
-from auroraqd.metrics import grid_of
 from auroraqd.report.style import STYLE
 
 DIMENSIONS, BOUND = 100, 5.12
 CELLS, REACH = 100, BOUND * DIMENSIONS / 2  # of the grid, along each side; half its width
 BATCH, EMITTERS = 540, 15
 SIGMA, LINE = 0.5, 0.2
-ITERATIONS, EXPLAINED = 10_000, 300  # of a run; of those that show what the told value does
+ITERATIONS = 10_000
 SPAN = 1_000.0  # units of a parameter that the genes span
 LOOKS = (100, 300, 1_000, 3_000)  # iterations, beside the last
-CMA, FITNESS = "CMA-ME", "CMA-ME, told the fitness"
-KINDS = ("Gaussian", "iso+line", CMA)
+KINDS = ("Gaussian", "iso+line", "CMA-ME")
 THEIRS, OURS = "pyribs", "auroraqd"
 
 
@@ -66,67 +61,34 @@ class Found(NamedTuple):
     seconds: float  # of one core
 
 
-class Team:
-    """Emitters of pyribs as one.
-
-    Args:
-        archive: what they read, of auroraqd.
-        emitters: of equal batches.
-        grid: cells of the measures: then they are told by how much a solution improves on the elite that its cell had when
-            they were asked; None: whatever they are told.
-    """
-
-    def __init__(self, archive: Any, emitters: list[Any], grid: auroraqd.GridArchive | None = None) -> None:
-        self._archive, self._emitters, self._grid = archive, emitters, grid
-
-    def ask(self) -> np.ndarray:
-        """The solutions of all, (n, d)."""
-        if self._grid is not None:
-            stored = self._archive.data()
-            self._elite = np.zeros(self._grid.n_cells)  # an empty one counts 0, as in pyribs
-            self._elite[self._grid.cell_of(stored["measures"])] = stored["objective"]
-        return np.concatenate([emitter.ask() for emitter in self._emitters])
-
-    def tell(self, solution: np.ndarray, objective: np.ndarray, measures: np.ndarray, add_info: dict[str, np.ndarray]) -> None:
-        """What became of them, each its own."""
-        value = add_info["value"]
-        if self._grid is not None:
-            value = objective - self._elite[self._grid.cell_of(measures)]
-        parts = (np.split(rows, len(self._emitters)) for rows in (solution, objective, measures, add_info["status"], value))
-        for emitter, x, f, m, status, v in zip(self._emitters, *parts, strict=True):
-            emitter.tell(x, f, m, {"status": status, "value": v})
-
-
-def strategies(archive: Any, x0: np.ndarray, sigma: float, seed: int) -> list[Any]:
-    """The improvement emitters of CMA-ME."""
+def strategy(archive: Any, x0: np.ndarray, sigma: float, seed: Any) -> Any:
+    """One of the improvement emitters of CMA-ME."""
     from ribs.emitters import EvolutionStrategyEmitter
 
     options = {"sigma0": sigma, "ranker": "2imp", "selection_rule": "filter", "restart_rule": "no_improvement"}
-    seeds = np.random.SeedSequence(seed).spawn(EMITTERS)
-    return [EvolutionStrategyEmitter(archive, x0=x0, **options, batch_size=BATCH // EMITTERS, seed=s) for s in seeds]
+    return EvolutionStrategyEmitter(archive, x0=x0, **options, batch_size=BATCH // EMITTERS, seed=seed)
 
 
 def theirs(kind: str, seed: int) -> Iterator[tuple[float, float, float]]:
     """Coverage, QD-score and the farthest parameter of pyribs after each iteration."""
     from ribs.archives import GridArchive
     from ribs.emitters import GaussianEmitter, IsoLineEmitter
+    from ribs.schedulers import Scheduler
 
     archive = GridArchive(solution_dim=DIMENSIONS, dims=(CELLS, CELLS), ranges=[(-REACH, REACH)] * 2, seed=seed)
     x0 = np.zeros(DIMENSIONS)
     if kind == "Gaussian":
-        team = Team(archive, [GaussianEmitter(archive, sigma=SIGMA, x0=x0, batch_size=BATCH, seed=seed)])
+        team = [GaussianEmitter(archive, sigma=SIGMA, x0=x0, batch_size=BATCH, seed=seed)]
     elif kind == "iso+line":
         options = {"iso_sigma": SIGMA, "line_sigma": LINE, "batch_size": BATCH, "seed": seed}
-        team = Team(archive, [IsoLineEmitter(archive, x0=x0, **options)])
+        team = [IsoLineEmitter(archive, x0=x0, **options)]
     else:
-        team = Team(archive, strategies(archive, x0, SIGMA, seed))
+        team = [strategy(archive, x0, SIGMA, one) for one in np.random.SeedSequence(seed).spawn(EMITTERS)]
+    scheduler = Scheduler(archive, team)
     farthest = 0.0
     while True:
-        solutions = team.ask()
-        objective, measures = sphere(solutions)
-        info = archive.add(solutions, objective, measures)
-        told = {"status": info["status"], "value": objective if kind == FITNESS else info["value"]}
-        team.tell(solutions, objective, measures, told)
+        solutions = scheduler.ask()
+        scheduler.tell(*sphere(solutions))
         farthest = max(farthest, float(np.abs(solutions).max()))
         yield float(archive.stats.coverage), float(archive.stats.qd_score), farthest
 
@@ -142,9 +104,8 @@ def ours(kind: str, seed: int) -> Iterator[tuple[float, float, float]]:
         objective, measures = sphere(solutions)
         return auroraqd.Evaluation(objective, measures, measures)
 
-    def make(archive: Any, n_genes: int, seed: int) -> Team:
-        grid = grid_of(CELLS, -REACH, REACH, 2) if kind == CMA else None
-        return Team(archive, strategies(archive, np.full(n_genes, 0.5), SIGMA / SPAN, seed), grid)
+    def make(archive: Any, n_genes: int, seed: int) -> Any:
+        return strategy(archive, np.full(n_genes, 0.5), SIGMA / SPAN, seed)
 
     options: dict[str, Any] = {"emitter": Ribs(make)}
     if kind in ("Gaussian", "iso+line"):
@@ -172,18 +133,15 @@ def followed(library: str, kind: str, seed: int, iterations: int) -> list[Found]
     return found
 
 
-def sphere_runs(path: Path, seeds: int, iterations: int = ITERATIONS, explained: int = EXPLAINED) -> list[Found]:
-    """All runs, the short ones first; those that are in the file are not done again, and each is added to it."""
+def sphere_runs(path: Path, seeds: int, iterations: int = ITERATIONS) -> list[Found]:
+    """All runs; those that are in the file are not done again, and each is added to it."""
     found = {row[:4]: row for row in (read_table(path, Found) if path.is_file() else [])}
-    jobs = [(kind, seed, explained) for seed in range(seeds) for kind in (CMA, FITNESS)]
-    jobs += [(kind, seed, iterations) for seed in range(seeds) for kind in KINDS]
-    for kind, seed, length in jobs:
-        for library in LIBRARIES:
-            if (library, kind, seed, length) not in found:
-                with threadpool_limits(1):
-                    found |= {row[:4]: row for row in followed(library, kind, seed, length)}
-                print(found[library, kind, seed, length], flush=True)
-                _write(path, sorted(found.values()))
+    for seed, kind, library in itertools.product(range(seeds), KINDS, LIBRARIES):
+        if (library, kind, seed, iterations) not in found:
+            with threadpool_limits(1):
+                found |= {row[:4]: row for row in followed(library, kind, seed, iterations)}
+            print(found[library, kind, seed, iterations], flush=True)
+            _write(path, sorted(found.values()))
     return list(found.values())
 
 
@@ -199,12 +157,12 @@ def _write(path: Path, found: Iterable[Found]) -> None:
 
 def sphere_table(found: list[Found]) -> str:
     """A line an emitter and number of iterations: medians over seeds, smallest and largest in brackets."""
-    last, explained = max(row.iteration for row in found), max(row.iteration for row in found if row.emitter == FITNESS)
+    last = max(row.iteration for row in found)
     lines = [
         "| emitter | iterations | seeds | coverage, pyribs | auroraqd | QD-score, pyribs | auroraqd | CPU s, pyribs | ours |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for kind, iteration in [*((kind, last) for kind in KINDS), (CMA, explained), (FITNESS, explained)]:
+    for kind, iteration in itertools.product(KINDS, sorted({1_000, last})):
         rows = [[r for r in found if r[:2] == (library, kind) and r.iteration == iteration] for library in LIBRARIES]
         cells = [
             _range(form, [getattr(row, name) for row in of_one])
@@ -228,7 +186,7 @@ def sphere_figure(found: list[Found]) -> Figure:
     styles = {THEIRS: ("#2646a0", "-"), OURS: ("#c8287a", "--")}
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(11, 3.6), layout="constrained")
-        for axes, kind in zip(figure.subplots(1, len(KINDS) + 1, sharey=True), (*KINDS, FITNESS), strict=True):
+        for axes, kind in zip(figure.subplots(1, len(KINDS), sharey=True), KINDS, strict=True):
             for library, (color, line) in styles.items():
                 for seed in sorted({row.seed for row in found}):
                     run = sorted((r.iteration, r.coverage) for r in found if r[:3] == (library, kind, seed))
@@ -243,9 +201,10 @@ def sphere_figure(found: list[Found]) -> Figure:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--iterations", type=int, default=ITERATIONS)
     parser.add_argument("--out", type=Path, default=Path("results/sphere"))
     options = parser.parse_args()
-    print(sphere_table(sphere_runs(options.out / "sphere.csv", options.seeds)))
+    print(sphere_table(sphere_runs(options.out / "sphere.csv", options.seeds, options.iterations)))
 
 
 if __name__ == "__main__":
