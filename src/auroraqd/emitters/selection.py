@@ -34,6 +34,14 @@ class Curiosity:
     Weights are c - min(0, min c) [1]; individuals are equally likely while all weights are 0.
 
     [1] A. Cully, Y. Demiris, Quality and Diversity Optimization: A Unifying Modular Framework, IEEE TEVC 2018.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=3)
+        >>> rows = auroraqd.Curiosity()(aurora.archive, 1000, np.random.default_rng(0))
+        >>> bool(aurora.archive.curiosity[rows].mean() > aurora.archive.curiosity.mean())
+        True
     """
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -53,6 +61,15 @@ class Novelty:
     equally likely while all novelties are 0.
 
     [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=3)
+        >>> novelty = aurora.archive.novelty()
+        >>> rows = auroraqd.Novelty()(aurora.archive, 1000, np.random.default_rng(0))
+        >>> bool(novelty[rows].mean() > novelty.mean())
+        True
     """
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:

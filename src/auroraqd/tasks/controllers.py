@@ -78,6 +78,14 @@ class Sinusoids:
     Args:
         slowest, fastest: bounds of the frequency in Hz.
         offset: the largest, in half ranges of the actuators.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> controller = auroraqd.tasks.Sinusoids()
+        >>> genotypes = np.full((4, controller.n_genes(8)), 0.5)
+        >>> controller(genotypes, 8, np.arange(20) / 20).shape  # individuals, steps, actuators
+        (4, 20, 8)
     """
 
     slowest: float = 0.5
