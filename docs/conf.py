@@ -8,7 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
 from auroraqd import __version__
 
 project = "auroraqd"
-author = "the auroraqd developers"
+author = "the auroraqd authors"
 copyright = f"2026, {author}"
 release = version = __version__
 

@@ -20,6 +20,7 @@ class Command(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
+        """See Sphinx."""
         name = self.arguments[0]
         if name not in _COMMANDS:
             raise self.error(f"there is no command {name}; there are {', '.join(_COMMANDS)}")
