@@ -46,13 +46,13 @@ suppress_warnings = ["ref.python"]  # of `n_genes`, which many have, any will do
 # What it looks like
 html_theme = "pydata_sphinx_theme"
 html_title = f"auroraqd {release}"
-html_logo = "_static/logo.svg"
 html_favicon = "_static/logo.svg"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
+    "logo": {"image_light": "_static/logo.svg", "image_dark": "_static/logo.svg", "text": "auroraqd", "alt_text": "auroraqd"},
     "navbar_align": "left",
     "navbar_end": ["theme-switcher"],
     "navbar_persistent": ["search-button"],

@@ -1,7 +1,7 @@
 """Every example runs, on a small budget; and what the documents say runs too.
 
-Of the documents: blocks of `python`, one after the other as scripts; the lines of `bash` that call `auroraqd`; and blocks with a
-file's name as caption, which are written to it. Blocks of `py` and `shell` need machines that are not here, or hours.
+Of the documents: blocks of `python`, one after the other as scripts; the lines of `bash` that call `auroraqd`; and blocks with
+a file's name as caption, which are written to it. Blocks of `py` and `shell` need machines that are not here, or hours.
 """
 
 import re

@@ -71,7 +71,13 @@ def _divergence(reference: np.ndarray, compared: np.ndarray, bins: int) -> float
 
 
 def outside(reference: np.ndarray, compared: np.ndarray) -> float:
-    """The share of the compared repertoire, (m, d), outside the bounding box of the reference, (n, d)."""
+    """The share of the compared repertoire, (m, d), outside the bounding box of the reference, (n, d).
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.metrics.outside([[0.0, 0.0], [1.0, 1.0]], [[0.5, 0.5], [2.0, 0.5]])  # a share
+        0.5
+    """
     reference, compared = _points("reference", reference), _points("compared", compared)
     if reference.shape[1] != compared.shape[1]:
         raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
@@ -109,6 +115,12 @@ def squares(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high
     """The squares that trajectories are in, (n, steps, 2) to (n, steps): bins * (place along x) + place along y.
 
     For the parameters, and what is raised, see `diversity`.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> auroraqd.metrics.squares(np.array([[[-0.9, -0.9], [0.9, 0.9]]]), bins=2).shape
+        (1, 2)
     """
     bins = whole("bins", bins, most=_MOST_SIDE)
     trajectories = numbers("trajectories", trajectories)

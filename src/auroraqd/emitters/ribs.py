@@ -91,6 +91,15 @@ class Ribs:
 
     Raises:
         TypeError: it cannot be called.
+
+    Examples:
+        >>> import auroraqd
+        >>> from ribs.emitters import GaussianEmitter
+        >>> def gaussian(archive, n_genes, seed):
+        ...     return GaussianEmitter(archive, sigma=0.1, x0=[0.5] * n_genes, batch_size=36, seed=seed)
+        >>> aurora = auroraqd.Aurora(2, "genotype", emitter=auroraqd.emitters.Ribs(gaussian), batch_size=36, seed=0)
+        >>> aurora.run(auroraqd.tasks.Ballistic(), generations=3).generation
+        3
     """
 
     make: Callable[[Any, int, int], Any]
