@@ -38,8 +38,15 @@ WITHOUT = {  # results, protocols, errors; what needs a service, a cluster or a 
     *("archives.Tessellation", "callbacks.Callbacks", "callbacks.Logger", "callbacks.MLflow", "callbacks.Score"),
     *("callbacks.TensorBoard", "callbacks.WeightsAndBiases", "emitters.Emitter", "evaluate.Spread", "evaluate.dask"),
     *("descriptors.networks.Convolutional", "descriptors.networks.Network", "descriptors.networks.chosen"),
-    *("descriptors.networks.is_image", "metrics.grid_of", "report.film", "report.history_figure", "report.repertoire_figure"),
-    *("report.write_report", "tasks.ClosedLoop", "tasks.Episode", "tasks.OpenLoop"),
+    *(
+        "descriptors.networks.is_image",
+        "metrics.grid_of",
+        "report.explore",
+        "report.film",
+        "report.history_figure",
+        "report.repertoire_figure",
+    ),
+    *("report.write_figures", "report.write_report", "tasks.ClosedLoop", "tasks.Episode", "tasks.OpenLoop"),
 }
 UNLISTED = {"descriptors.networks.chosen", "descriptors.networks.is_image", "metrics.grid_of"}
 

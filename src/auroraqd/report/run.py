@@ -36,15 +36,6 @@ def write_figures(folder: str | Path) -> list[Path]:
 
     Warns:
         UserWarning: a figure could not be drawn, and is left out.
-
-    Examples:
-        >>> import auroraqd
-        >>> from sklearn.decomposition import PCA
-        >>> task = auroraqd.tasks.Ballistic()
-        >>> aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0).run(task, generations=3)
-        >>> files = auroraqd.report.write_figures(auroraqd.save(aurora, "runs/drawn"))
-        >>> {"repertoire.png", "history.png"} <= {path.name for path in files}
-        True
     """
     repertoire, records = folders.load(folder), folders.load_history(folder)
     config = folders.load_config(folder)

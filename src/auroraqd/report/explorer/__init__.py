@@ -45,14 +45,6 @@ def explore(run: Any, path: str | os.PathLike = "skills.html", *, most: int = MO
         ValueError: Bokeh is not installed; a run is damaged or has no skill; of several, one has no ground truth, or one
             of another shape.
         OSError: the file cannot be written.
-
-    Examples:
-        >>> import auroraqd
-        >>> from sklearn.decomposition import PCA
-        >>> task = auroraqd.tasks.Ballistic()
-        >>> aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0).run(task, generations=3)
-        >>> print(auroraqd.report.explore(aurora, "skills.html"))
-        skills.html
     """
     path = as_path("path", path)
     whole("most", most, least=1)
