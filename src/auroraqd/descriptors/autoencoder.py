@@ -113,7 +113,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
     Examples:
         >>> import auroraqd
         >>> throws = auroraqd.tasks.Ballistic().prior()[::50]
-        >>> encoder = auroraqd.AutoEncoder(n_components=2, hidden=(16,), repeats=1, min_steps=50, random_state=0).fit(throws)
+        >>> encoder = auroraqd.AutoEncoder(n_components=2, hidden=(16, 8), repeats=1, min_steps=100, random_state=0).fit(throws)
         >>> encoder.transform(throws).shape
         (200, 2)
         >>> encoder.inverse_transform([[0.0, 0.0]]).shape
