@@ -1,7 +1,8 @@
 """Every example runs, on a small budget; and what the documents say runs too.
 
-Of the documents: blocks of `python`, one after the other as scripts; the lines of `bash` that call `auroraqd`; and blocks with
-a file's name as caption, which are written to it. Blocks of `py` and `shell` need machines that are not here, or hours.
+Of the documents: blocks of `python`, one after the other as scripts; the lines of `bash` that call `auroraqd`, but for
+experiments; and blocks with a file's name as caption, which are written to it. Blocks of `py` and `shell` need machines that
+are not here, or hours.
 """
 
 import re
@@ -37,7 +38,7 @@ def steps_of(text):
             steps.append((file, block))
         elif kind == "bash":
             lines = block.replace("\\\n", " ").splitlines()
-            steps += [("command", line) for line in lines if line.startswith("auroraqd ")]
+            steps += [("command", line) for line in lines if re.match("auroraqd (?!reproduce)", line)]
         elif "import auroraqd" in block:  # it imports all it needs: a new script
             steps.append(("script", block))
         else:
