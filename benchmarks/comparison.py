@@ -1,4 +1,4 @@
-"""All algorithms of docs/algorithms.md beside each other: the tables and figures of docs/comparison.md.
+"""All algorithms of docs/reference/algorithms.md beside each other: the tables and figures of docs/comparison.md.
 
     pip install "auroraqd[ribs]"
     python benchmarks/comparison.py              # hours of one core; into runs/comparison

@@ -1,6 +1,12 @@
-"""Every example runs, on a small budget; and what the README says runs too."""
+"""Every example runs, on a small budget; and what the documents say runs too.
+
+Of the documents: blocks of `python`, one after the other as scripts; the lines of `bash` that call `auroraqd`, but for
+experiments; and blocks with a file's name as caption, which are written to it. Blocks of `py` and `shell` need machines that
+are not here, or hours.
+"""
 
 import re
+import shlex
 from pathlib import Path
 
 import commands
@@ -8,6 +14,9 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
+BLOCK = re.compile(r"^```(python|bash|\{code-block\} python\n:caption: (\S+))\n(.*?)^```", re.DOTALL | re.MULTILINE)
+SMALL = 20  # generations, where a document says hundreds
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
@@ -21,23 +30,69 @@ def test_there_are_examples():
     assert len(EXAMPLES) >= 3
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/guide.md", "docs/clusters.md", "docs/damage.md", "docs/robots.md"])
-def test_python_in_documents(document, tmp_path):
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / document).read_text(), re.DOTALL)
-    scripts: list[str] = []
-    for block in blocks:  # one that imports all it needs begins a new script
-        if "import auroraqd" in block:
-            scripts.append("")
-        scripts[-1] += block
-    assert scripts
-    for code in scripts:
-        code = code.replace("generations=5000", "generations=20").replace("generations=500", "generations=20")
-        (tmp_path / "script.py").write_text(code)  # a file: processes that it starts read it again
-        done = commands.python("script.py", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
+def steps_of(text):
+    """What a document says is to be done, in order: scripts, commands, and files to write, with their names."""
+    steps = []
+    for kind, file, block in BLOCK.findall(text):
+        if file:
+            steps.append((file, block))
+        elif kind == "bash":
+            lines = block.replace("\\\n", " ").splitlines()
+            steps += [("command", line) for line in lines if re.match("auroraqd (?!reproduce)", line)]
+        elif "import auroraqd" in block:  # it imports all it needs: a new script
+            steps.append(("script", block))
+        else:
+            assert steps, f"nothing before this imports auroraqd:\n{block}"
+            assert steps[-1][0] == "script", f"after {steps[-1]} a block must import auroraqd again:\n{block}"
+            steps[-1] = ("script", steps[-1][1] + block)
+    return steps
+
+
+def arguments_of(line):
+    """A command with a small budget."""
+    words = shlex.split(line, comments=True)[1:]
+    if words[0] in ("run", "resume", "repeat"):
+        words.append("--no-figures")
+    if "--generations" in words:
+        words[words.index("--generations") + 1] = str(2 * SMALL if words[0] == "resume" else SMALL)
+    elif words[0] == "run":
+        words += ["--generations", str(SMALL)]
+    return words
+
+
+def has_steps(document):
+    return BLOCK.search(document.read_text()) is not None
+
+
+@pytest.mark.parametrize("document", list(filter(has_steps, DOCUMENTS)), ids=lambda path: str(path.relative_to(ROOT)))
+def test_what_documents_say(document, tmp_path):
+    for kind, text in steps_of(document.read_text()):
+        if kind == "command":
+            done = commands.cli(*arguments_of(text), cwd=tmp_path)
+        elif kind == "script":
+            code = re.sub(r"generations=\d{3,}", f"generations={SMALL}", text)
+            (tmp_path / "script.py").write_text(code)  # a file: processes that it starts read it again
+            done = commands.python("script.py", cwd=tmp_path)
+        else:
+            (tmp_path / kind).write_text(text)
+            continue
+        assert done.returncode == 0, f"{text}\n{done.stderr}"
 
 
 def test_links_in_documents_lead_somewhere():
-    for document in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
-        for target in re.findall(r"\]\((?!http)([^)#]+)", document.read_text()):
-            assert (document.parent / target).exists(), f"{document.name}: {target}"
+    for document in DOCUMENTS:
+        base = ROOT / "docs" if "docs" in document.parts else ROOT
+        for target in re.findall(r"\]\((?!http|#)([^)#]+)", document.read_text()):
+            place = base / target[1:] if target.startswith("/") else document.parent / target
+            assert place.exists(), f"{document.relative_to(ROOT)}: {target}"
+
+
+def test_messages_that_are_explained_are_those_that_are_given():
+    source = "".join(path.read_text() for path in sorted((ROOT / "src").rglob("*.py")))
+    source = re.sub(r'"\n\s*f?"', "", source)  # a sentence over several lines
+    rows = re.findall(r"^\| (.*?) \| ", (ROOT / "docs/reference/faq.md").read_text(), re.MULTILINE)
+    messages = [message for row in rows for message in re.findall(r"`([^`]+)`", row)]
+    parts = [part.strip(" :()") for message in messages for part in message.split("...")]
+    unknown = [part for part in parts if len(part) > 8 and part not in source]
+    assert len(messages) > 40
+    assert unknown == []

@@ -34,10 +34,6 @@ class Best(NamedTuple):
 class Adaptation:
     """Ask for a skill, try it, tell what happened.
 
-        adaptation = Adaptation(repertoire.descriptor, promise)
-        row = adaptation.ask()
-        adaptation.tell(row, performance)  # as measured on the robot with repertoire.genotype[row]
-
     The model is a Gaussian process with a Matern 5/2 kernel of fixed length. A skill is tried once. Everything is
     deterministic: the same trials lead to the same next one.
 
@@ -57,6 +53,17 @@ class Adaptation:
 
     Raises:
         ValueError: an argument has the wrong shape, is not finite, is out of range, or beyond 1e50 in size.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> space = np.linspace(0, 1, 50)[:, None]  # 50 skills, each promised to be as good as its row is high
+        >>> adaptation = auroraqd.Adaptation(space, promise=space[:, 0])
+        >>> for _ in range(6):
+        ...     row = adaptation.ask()
+        ...     adaptation.tell(row, 1 - abs(space[row, 0] - 0.4))  # on this robot those in the middle are best
+        >>> bool(abs(space[adaptation.best.row, 0] - 0.4) < 0.1)
+        True
     """
 
     def __init__(

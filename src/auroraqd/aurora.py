@@ -96,6 +96,18 @@ class Aurora:
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
+
+    Examples:
+        >>> import auroraqd
+        >>> from sklearn.decomposition import PCA
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0)
+        >>> aurora.run(task, generations=5).archive.observation.shape
+        (734, 50, 2)
+        >>> genotypes = aurora.ask()  # the same by hand
+        >>> status = aurora.tell(*task(genotypes))
+        >>> aurora.generation, aurora.evaluations
+        (6, 1200)
     """
 
     def __init__(

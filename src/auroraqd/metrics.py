@@ -33,6 +33,15 @@ def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30, *, marginal
 
     Raises:
         ValueError: not two-dimensional, empty, NaN, or of different d; or a joint histogram of more than 10^8 bins.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> reference = np.random.default_rng(0).random((5000, 2))
+        >>> auroraqd.metrics.klc(reference, reference, bins=10)
+        0.0
+        >>> auroraqd.metrics.klc(reference, reference[reference[:, 0] < 0.5], bins=10) > 1
+        True
     """
     bins = whole("bins", bins, most=_MOST_BINS)
     reference, compared = _points("reference", reference), _points("compared", compared)
@@ -62,7 +71,13 @@ def _divergence(reference: np.ndarray, compared: np.ndarray, bins: int) -> float
 
 
 def outside(reference: np.ndarray, compared: np.ndarray) -> float:
-    """The share of the compared repertoire, (m, d), outside the bounding box of the reference, (n, d)."""
+    """The share of the compared repertoire, (m, d), outside the bounding box of the reference, (n, d).
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.metrics.outside([[0.0, 0.0], [1.0, 1.0]], [[0.5, 0.5], [2.0, 0.5]])  # a share
+        0.5
+    """
     reference, compared = _points("reference", reference), _points("compared", compared)
     if reference.shape[1] != compared.shape[1]:
         raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
@@ -83,6 +98,13 @@ def diversity(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, hi
 
     Raises:
         ValueError: wrong shape, a NaN or an infinity, or no room.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> straight = np.linspace([-0.9, -0.9], [0.9, 0.9], 50)  # along the diagonal of a room from -1 to 1
+        >>> auroraqd.metrics.diversity(straight[None], bins=10)  # it passes 10 of 100 squares
+        0.1
     """
     square = squares(trajectories, bins, low=low, high=high)
     pairs = np.unique(square[:, -1:] * bins**2 + square)  # where they end, and what they pass
@@ -93,6 +115,12 @@ def squares(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high
     """The squares that trajectories are in, (n, steps, 2) to (n, steps): bins * (place along x) + place along y.
 
     For the parameters, and what is raised, see `diversity`.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> auroraqd.metrics.squares(np.array([[[-0.9, -0.9], [0.9, 0.9]]]), bins=2).shape
+        (1, 2)
     """
     bins = whole("bins", bins, most=_MOST_SIDE)
     trajectories = numbers("trajectories", trajectories)
@@ -113,6 +141,12 @@ def reconstruction_error(observation: np.ndarray, reconstruction: np.ndarray) ->
 
     Raises:
         ValueError: not of one shape.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> auroraqd.metrics.reconstruction_error(np.zeros((2, 4)), np.array([[0.0] * 4, [2.0] * 4]))
+        array([0., 2.])
     """
     observation, reconstruction = numbers("observation", observation), numbers("reconstruction", reconstruction)
     if observation.shape != reconstruction.shape or observation.ndim < 2 or 0 in observation.shape[1:]:
@@ -134,6 +168,11 @@ def coverage(points: ArrayLike, bins: int | Sequence[int], low: ArrayLike = -1.0
 
     Raises:
         ValueError: points are no finite (n, d), or there is no such box.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.metrics.coverage([[0.1, 0.1], [0.2, 0.2], [0.9, 0.9]], bins=2, low=0, high=1)
+        0.5
     """
     values = _some_points("points", points)
     grid = grid_of(bins, low, high, values.shape[1])
@@ -160,6 +199,12 @@ def qd_score(
 
     Raises:
         ValueError: see `coverage`; or fitness is no finite (n,), or offset no finite number.
+
+    Examples:
+        >>> import auroraqd
+        >>> points, fitness = [[0.1, 0.1], [0.2, 0.2], [0.9, 0.9]], [1.0, 2.0, 3.0]
+        >>> auroraqd.metrics.qd_score(points, fitness, bins=2, low=0, high=1)
+        5.0
     """
     values = _some_points("points", points)
     fitness = _fitness(fitness, len(values))
@@ -183,7 +228,7 @@ def grid_of(bins: int | Sequence[int], low: ArrayLike, high: ArrayLike, d: int) 
 
 
 def soft_qd_score(descriptor: ArrayLike, fitness: ArrayLike, sigma: float, *, samples: int = 10_000, seed: int = 0) -> float:
-    """The soft QD-score, which needs no cells: the integral over all b of max_n f_n exp(-|b - b_n|^2 / (2 sigma^2)).
+    """The soft QD-score, which needs no cells: the integral over all b of max_n f_n exp(-(b - b_n)^2 / (2 sigma^2)).
 
     By Monte Carlo: S times the mean, over b drawn around the individuals, of max_n / sum_n of these terms, where S, the sum of
     f_n (2 pi sigma^2)^(d/2), is the score of as many that are far apart. That is right on average, in any dimension, and needs
@@ -199,6 +244,13 @@ def soft_qd_score(descriptor: ArrayLike, fitness: ArrayLike, sigma: float, *, sa
 
     Raises:
         ValueError: not of these shapes, a NaN or an infinity, a fitness below 0, or no sigma.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> one = auroraqd.metrics.soft_qd_score([[0.0, 0.0]], [1.0], sigma=0.1)
+        >>> bool(np.isclose(one, 2 * np.pi * 0.1**2))  # the integral of one bell
+        True
     """
     from scipy.spatial.distance import cdist
 

@@ -109,6 +109,18 @@ class Repertoire(Individuals):
         columns: at least `genotype`, `fitness`, `observation`, `descriptor`, `curiosity` and `id`, of equal length. `born` and
             `parent` are -1, not known, where they are missing.
         origin: the run they come from.
+
+    Examples:
+        >>> import auroraqd
+        >>> from sklearn.decomposition import PCA
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0).run(task, generations=10)
+        >>> repertoire = auroraqd.load(auroraqd.save(aurora, "runs/repertoire"))
+        >>> wanted = repertoire.observation[7]
+        >>> repertoire.reach(wanted, k=1).rows
+        array([7])
+        >>> repertoire.sample(5).shape  # rows that are spread over descriptor space
+        (5,)
     """
 
     def __init__(self, columns: Mapping[str, np.ndarray], origin: Origin):

@@ -1,4 +1,4 @@
-"""Checks of one's own archives, emitters and descriptors: whether they keep what those of auroraqd promise.
+"""Checks of one's own archives, emitters and descriptors: whether they keep what those of auroraqd promise::
 
     from auroraqd.testing import check_archive
 
@@ -46,6 +46,10 @@ def check_archive(make: Callable[[], Archive], *, sequential: bool = False) -> N
 
     Raises:
         AssertionError: it breaks a promise.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.testing.check_archive(lambda: auroraqd.GridArchive((20, 20), low=0, high=1), sequential=True)
     """
     checks = [*_OF_ARCHIVES, *([_batch_equals_one_by_one] if sequential else [])]
     _run(checks, _name(make), make)
@@ -60,6 +64,10 @@ def check_emitter(emitter: Any, *, n_genes: int = 3) -> None:
 
     Raises:
         AssertionError: it breaks a promise.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.testing.check_emitter(auroraqd.emitters.Goals(first=0))
     """
     _run(_OF_EMITTERS, lambda: type(emitter).__name__, emitter, n_genes)
 
@@ -73,6 +81,11 @@ def check_descriptor(transformer: Any, *, trusted: Sequence[str] = ()) -> None:
 
     Raises:
         AssertionError: it breaks a promise.
+
+    Examples:
+        >>> import auroraqd
+        >>> from sklearn.decomposition import PCA
+        >>> auroraqd.testing.check_descriptor(PCA(n_components=2))
     """
     _run(_OF_DESCRIPTORS, lambda: type(transformer).__name__, transformer, trusted)
 

@@ -89,6 +89,18 @@ class Archive(Individuals, ABC):
     it again, for run folders. `own` names columns of its own with their dtypes, one number each: they are 0 for newcomers, go
     where their individuals go, are saved, and are written through `writable`. `auroraqd.testing.check_archive` looks at all
     that.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> from auroraqd.archives import NEW, Placement
+        >>> class Everything(auroraqd.Archive):
+        ...     def place(self, batch):
+        ...         return Placement(np.full(batch.rows, NEW, np.int8), len(self) + np.arange(batch.rows))
+        >>> aurora = auroraqd.Aurora(2, "genotype", archive=Everything(), seed=0)
+        >>> aurora = aurora.run(auroraqd.tasks.Ballistic(), generations=2)
+        >>> len(aurora.archive) + aurora.history.last.invalid
+        400
     """
 
     own: ClassVar[Mapping[str, type]] = {}

@@ -65,6 +65,13 @@ def tessellate(samples: ArrayLike, cells: int, *, steps: int = 5, seed: int = 0,
 
     Raises:
         ValueError: wrong shape, a NaN or an infinity, or fewer samples than cells.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> samples = np.random.default_rng(0).random((1000, 3))
+        >>> print(auroraqd.tessellate(samples, cells=50, cache=False))
+        50 distinct centroids of 50, from 1000 samples in 5 steps
     """
     samples = _points("samples", samples)
     cells, steps, seed = (
@@ -124,6 +131,14 @@ class CVTArchive(CellArchive):
 
     Raises:
         ValueError: wrong shape, or a NaN or an infinity.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> archive = auroraqd.CVTArchive([[0.0, 0.0], [1.0, 1.0]])
+        >>> descriptor = np.array([[0.1, 0.2], [0.2, 0.1], [0.9, 0.8]])
+        >>> archive.add(np.zeros((3, 1)), np.zeros(3), descriptor, descriptor)
+        array([1, 0, 1], dtype=int8)
     """
 
     def __init__(self, centroids: ArrayLike | Tessellation) -> None:

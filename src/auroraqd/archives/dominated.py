@@ -47,6 +47,14 @@ class DominatedArchive(Archive):
 
     Raises:
         ValueError: one is no whole number, or below 1.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> archive = auroraqd.DominatedArchive(capacity=2, k=1)
+        >>> descriptor = np.array([[0.0], [0.1], [1.0]])
+        >>> archive.add(np.zeros((3, 1)), np.array([1.0, 0.0, 0.0]), descriptor, descriptor)
+        array([1, 0, 1], dtype=int8)
     """
 
     def __init__(self, capacity: int = 1000, k: int = 3) -> None:

@@ -113,6 +113,16 @@ class GridArchive(CellArchive):
 
     Raises:
         ValueError: not a box, or no cells.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> archive = auroraqd.GridArchive((2, 2), low=0, high=1)
+        >>> descriptor = np.array([[0.1, 0.1], [0.2, 0.2], [0.9, 0.9]])
+        >>> archive.add(np.zeros((3, 1)), np.array([0.0, 1.0, 0.0]), descriptor, descriptor)
+        array([1, 2, 1], dtype=int8)
+        >>> archive.cell
+        array([0, 3])
     """
 
     def __init__(self, cells: Sequence[int], *, low: ArrayLike = -1.0, high: ArrayLike = 1.0) -> None:

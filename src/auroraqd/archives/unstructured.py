@@ -53,6 +53,17 @@ class UnstructuredArchive(Archive):
         epsilon: tolerance of the rule, from 0 to below 1.
         competition: "dominance" or "elitist".
         capacity: the most individuals to store; beyond it new ones are rejected, and replacement goes on. None: no limit.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> archive = auroraqd.UnstructuredArchive(l=0.1, k=3)
+        >>> descriptor = np.array([[0.0, 0.0], [0.5, 0.0], [0.52, 0.0], [0.5, 0.0]])
+        >>> archive.add(np.zeros((4, 1)), np.array([0.0, 0.0, 1.0, 0.0]), descriptor, descriptor)
+        array([1, 1, 2, 0], dtype=int8)
+        >>> archive.descriptor  # the third took the place of the second: alike, and fitter
+        array([[0.  , 0.  ],
+               [0.52, 0.  ]])
     """
 
     def __init__(

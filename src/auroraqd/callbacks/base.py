@@ -1,4 +1,4 @@
-"""What a callback is: a function that is called after each generation, or an object with some of five methods.
+"""What a callback is: a function that is called after each generation, or an object with some of five methods::
 
 start(aurora)               the run begins, or goes on
 told(aurora, batch, info)   individuals were evaluated: the `Columns` of all, the descriptor of invalid ones NaN, and their

@@ -107,6 +107,15 @@ class CSV(Logger):
     Args:
         path: of the file. A file that is something else is left alone.
         every, also: see `Logger`.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> import auroraqd
+        >>> log = auroraqd.callbacks.CSV("logs/run.csv")
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(task, generations=3, callback=log)
+        >>> len(Path("logs/run.csv").read_text().splitlines())  # a header, and a line a generation
+        4
     """
 
     def __init__(self, path: str | os.PathLike, *, every: int = 1, also: Also | None = None) -> None:

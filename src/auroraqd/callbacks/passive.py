@@ -37,10 +37,6 @@ class PassiveGrid:
 
     It takes no part in the run. So runs whose archives or descriptors differ are compared in one space.
 
-        grid = auroraqd.callbacks.PassiveGrid(30, low=0, high=10)
-        aurora.run(task, generations=500, callback=grid)
-        grid.scores[-1].coverage
-
     Args:
         bins: cells in each dimension, a number or one each.
         low, high: the corners of the box, numbers or one each. What is outside counts to the nearest cell at the border.
@@ -53,6 +49,14 @@ class PassiveGrid:
 
     Raises:
         ValueError: an argument is out of range; in a run, the task gives no ground truth, or there is no such grid.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> grid = auroraqd.callbacks.PassiveGrid(30)
+        >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(task, generations=3, callback=grid)
+        >>> len(grid.scores), 0 < grid.scores[-1].coverage < 1
+        (3, True)
     """
 
     def __init__(

@@ -42,6 +42,15 @@ class VAT:
         cells: cells in a ball of diameter L; 47124 is 60000 pi / 4.
         robust: whether descriptors more than twice as far from the median as 99 of 100 are passed over, with a warning: one
             simulation that blew up would make cells so large that they hold all others. False is the rule of the paper.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> square = np.array([[0.0, 0.0], [0.0, 3.0], [4.0, 0.0], [4.0, 3.0]])  # its diagonal is 5
+        >>> round(auroraqd.VAT()(square), 6)
+        0.020412
+        >>> round(5 / 60000**0.5, 6)
+        0.020412
     """
 
     cells: float = 60000 * pi / 4
@@ -67,6 +76,11 @@ class Fixed:
 
     Args:
         l: distance threshold, in units of the descriptor.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.Fixed(l=0.05)([[0.0, 0.0], [1.0, 1.0]])
+        0.05
     """
 
     l: float
@@ -94,6 +108,14 @@ class Size:
 
     Args:
         individuals: how many to store.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> descriptors = np.random.default_rng(0).random((4000, 3))
+        >>> few, many = auroraqd.Size(100)(descriptors), auroraqd.Size(1000)(descriptors)
+        >>> few > many  # fewer individuals are farther apart
+        True
     """
 
     individuals: int = 10_000
@@ -136,6 +158,17 @@ class CSC:
 
     Raises:
         ValueError: it is no whole number, or below 1.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> descriptors = np.random.default_rng(0).random((4000, 2))
+        >>> round(auroraqd.CSC(target=100)(descriptors), 2)
+        0.07
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, "genotype", resolution=auroraqd.CSC(target=500), seed=0)
+        >>> len(aurora.run(task, generations=5).archive) > 0
+        True
     """
 
     target: int = 10_000

@@ -15,6 +15,11 @@ class Doubling:
 
     Args:
         first: generations before the first update after generation 0.
+
+    Examples:
+        >>> import auroraqd
+        >>> [generation for generation in range(1000) if auroraqd.Doubling(50)(generation)]
+        [0, 50, 150, 350, 750]
     """
 
     first: int = 50
@@ -34,6 +39,11 @@ class Every:
 
     Args:
         generations: the gap.
+
+    Examples:
+        >>> import auroraqd
+        >>> [generation for generation in range(350) if auroraqd.Every(100)(generation)]
+        [0, 100, 200, 300]
     """
 
     generations: int
@@ -50,6 +60,11 @@ class Every:
 class Never:
     """No updates: a learned descriptor is fitted once, on the first generation or before (`prior`), and l set then; of other
     descriptors l stays what the archive was given.
+
+    Examples:
+        >>> import auroraqd
+        >>> any(auroraqd.Never()(generation) for generation in range(1000))
+        False
     """
 
     def __call__(self, generation: int) -> bool:

@@ -109,6 +109,15 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         training_rmse_: the same of all rows that `fit` was given.
         network_: the network, a value of `auroraqd.descriptors.networks`.
         scaling_: how observations are scaled.
+
+    Examples:
+        >>> import auroraqd
+        >>> throws = auroraqd.tasks.Ballistic().prior()[::50]
+        >>> encoder = auroraqd.AutoEncoder(n_components=2, hidden=(16, 8), repeats=1, min_steps=100, random_state=0).fit(throws)
+        >>> encoder.transform(throws).shape
+        (200, 2)
+        >>> encoder.inverse_transform([[0.0, 0.0]]).shape
+        (1, 50, 2)
     """
 
     natural_shape = True  # for Aurora, which flattens for other transformers

@@ -84,6 +84,12 @@ class MLP(Network):
 
     Args:
         hidden: their widths, from input to latent space; mirrored in the decoder.
+
+    Examples:
+        >>> import auroraqd
+        >>> from auroraqd.descriptors.networks import MLP
+        >>> auroraqd.AutoEncoder(n_components=2, network=MLP(hidden=(64, 32)))
+        AutoEncoder(network=MLP(hidden=(64, 32)))
     """
 
     hidden: Sequence[int] = (128, 64, 32)
@@ -164,6 +170,12 @@ class Image(Network):
         hidden: width of the dense layer before the latent space.
         error: weight of the squared error.
         steps: the most steps of the optimiser in a repeat.
+
+    Examples:
+        >>> import auroraqd
+        >>> from auroraqd.descriptors.networks import Image
+        >>> auroraqd.AutoEncoder(n_components=2, network=Image(maps=(16, 32), steps=100)).network.maps
+        (16, 32)
     """
 
     maps: Sequence[int] = (16, 32, 32)

@@ -58,6 +58,18 @@ class Streams:
 
     Raises:
         TypeError, ValueError: a transformer that is none, a weight out of range, or both kinds of transformers.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> from sklearn.decomposition import PCA
+        >>> def robot(genotypes):
+        ...     joints = np.cumsum(np.repeat(genotypes[:, None], 10, axis=1), axis=1)
+        ...     return {"joints": joints, "contact": genotypes > 0.5}
+        >>> descriptor = auroraqd.Streams(joints=PCA(2), contact=None)  # contacts are kept, and not described
+        >>> aurora = auroraqd.Aurora(3, descriptor, seed=0).run(robot, generations=2)
+        >>> aurora.archive.observation["joints"].shape[1:], aurora.archive.descriptor.shape[1:]
+        ((10, 3), (2,))
     """
 
     __module__ = "auroraqd"

@@ -1,6 +1,6 @@
 """Emitters: what makes the genotypes that are evaluated next.
 
-An emitter has one method, and may have more:
+An emitter has one method, and may have more::
 
     ask(archive, n, rng)            (genotypes, parents): (n, n_genes) in [0, 1], and (n,) ids of their parents, -1 for none
     tell(archive, batch, info)      what became of its genotypes: their `Columns`, all n of them, the descriptor and the

@@ -20,6 +20,13 @@ class Genetic:
     Args:
         selection: `select(archive, n, rng)` to n rows of the archive; see `auroraqd.emitters.selection`.
         variation: `vary(parents, rng)` to children; see `auroraqd.emitters.variation`.
+
+    Examples:
+        >>> import auroraqd
+        >>> from auroraqd.emitters import Genetic
+        >>> emitter = Genetic(auroraqd.Uniform(), auroraqd.IsoLine(0.005, 0.05))
+        >>> auroraqd.Aurora(2, "genotype", emitter=emitter, seed=0).selection
+        Uniform()
     """
 
     selection: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Curiosity)

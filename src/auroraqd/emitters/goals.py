@@ -28,6 +28,13 @@ class Goals:
 
     Raises:
         ValueError: one is out of range.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(2, "hand-coded", emitter=auroraqd.emitters.Goals(random=0.1), seed=0)
+        >>> aurora.run(task, generations=3).generation
+        3
     """
 
     random: float = 0.2

@@ -101,6 +101,13 @@ class NoveltySearch(_Bred):
 
     Raises:
         TypeError, ValueError: one is of the wrong kind or out of range.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> emitter = auroraqd.emitters.NoveltySearch(population=50)
+        >>> auroraqd.Aurora(2, "hand-coded", emitter=emitter, seed=0).run(task, generations=3).generation
+        3
     """
 
     def _best_first(self, individuals: Columns, archive: Archive) -> np.ndarray:
@@ -120,6 +127,13 @@ class NSLC(_Bred):
 
     Raises:
         TypeError, ValueError: one is of the wrong kind or out of range.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> emitter = auroraqd.emitters.NSLC(population=50)
+        >>> auroraqd.Aurora(2, "hand-coded", emitter=emitter, seed=0).run(task, generations=3).generation
+        3
     """
 
     def _best_first(self, individuals: Columns, archive: Archive) -> np.ndarray:
@@ -144,6 +158,14 @@ class TAXONS(_Bred):
 
     Raises:
         TypeError, ValueError: one is of the wrong kind or out of range.
+
+    Examples:
+        >>> import auroraqd
+        >>> from sklearn.decomposition import PCA
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> emitter = auroraqd.emitters.TAXONS(population=50, elite=5)
+        >>> auroraqd.Aurora(2, PCA(2), emitter=emitter, schedule=auroraqd.Every(30), seed=0).run(task, generations=3).generation
+        3
     """
 
     variation: Callable[[np.ndarray, np.random.Generator], np.ndarray] = field(

@@ -238,6 +238,14 @@ class Ribs:
     Raises:
         TypeError: it cannot be called.
         ValueError: pyribs is not installed.
+
+    Examples:
+        >>> import auroraqd
+        >>> from auroraqd.emitters.ribs import CMA
+        >>> emitter = auroraqd.emitters.Ribs(CMA(sigma=0.05))
+        >>> aurora = auroraqd.Aurora(2, "genotype", emitter=emitter, seed=0)
+        >>> aurora.run(auroraqd.tasks.Ballistic(), generations=3).generation
+        3
     """
 
     make: Callable[[Any, int, int], Any]

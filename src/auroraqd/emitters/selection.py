@@ -19,7 +19,15 @@ from auroraqd.individuals import Individuals
 
 @dataclass(frozen=True)
 class Uniform:
-    """Every individual with the same probability."""
+    """Every individual with the same probability.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=1)
+        >>> auroraqd.Uniform()(aurora.archive, 1000, np.random.default_rng(0)).shape
+        (1000,)
+    """
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
         """See the module docstring."""
@@ -34,6 +42,14 @@ class Curiosity:
     Weights are c - min(0, min c) [1]; individuals are equally likely while all weights are 0.
 
     [1] A. Cully, Y. Demiris, Quality and Diversity Optimization: A Unifying Modular Framework, IEEE TEVC 2018.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=3)
+        >>> rows = auroraqd.Curiosity()(aurora.archive, 1000, np.random.default_rng(0))
+        >>> bool(aurora.archive.curiosity[rows].mean() > aurora.archive.curiosity.mean())
+        True
     """
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -53,6 +69,15 @@ class Novelty:
     equally likely while all novelties are 0.
 
     [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=3)
+        >>> novelty = aurora.archive.novelty()
+        >>> rows = auroraqd.Novelty()(aurora.archive, 1000, np.random.default_rng(0))
+        >>> bool(novelty[rows].mean() > novelty.mean())
+        True
     """
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -69,6 +94,13 @@ class Surprise:
 
     [1] G. Paolo, A. Laflaquiere, A. Coninx, S. Doncieux, Unsupervised Learning and Exploration of Reachable Outcome Space,
     ICRA 2020.
+
+    Examples:
+        >>> import auroraqd
+        >>> from sklearn.decomposition import PCA
+        >>> aurora = auroraqd.Aurora(2, PCA(n_components=2), selection=auroraqd.Surprise(), seed=0)
+        >>> aurora.run(auroraqd.tasks.Ballistic(), generations=3).generation
+        3
     """
 
     def __call__(self, archive: Archive, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -89,6 +121,11 @@ class Mixed:
 
     Args:
         a, b: selections.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.Mixed(auroraqd.Novelty(), auroraqd.Uniform())
+        Mixed(a=Novelty(), b=Uniform())
     """
 
     a: Callable[[Archive, int, np.random.Generator], np.ndarray] = field(default_factory=Novelty)

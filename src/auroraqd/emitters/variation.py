@@ -23,6 +23,14 @@ class Polynomial:
         eta: distribution index; a larger one makes smaller steps. The AURORA experiments use 10.
         at_least_one: mutate one gene, drawn uniformly, where none would be. An unmutated copy is a wasted evaluation: with
             two genes and a rate of 0.1, 81% of them. The AURORA experiments leave it to chance (False).
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> parents = np.full((2, 3), 0.5)
+        >>> children = auroraqd.Polynomial(rate=0.1)(parents, np.random.default_rng(0))
+        >>> (children != parents).any(axis=1)  # each has at least one gene that mutated
+        array([ True,  True])
     """
 
     rate: float = 0.1
@@ -51,6 +59,12 @@ class Gaussian:
         sigma: standard deviation of a step; genes span [0, 1].
         rate: probability that a gene mutates.
         at_least_one: mutate one gene, drawn uniformly, where none would be.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> auroraqd.Gaussian(sigma=0.05)(np.full((2, 3), 0.5), np.random.default_rng(0)).shape
+        (2, 3)
     """
 
     sigma: float = 0.05
@@ -78,6 +92,13 @@ class IsoLine:
     Args:
         iso_sigma: standard deviation of the isotropic noise.
         line_sigma: standard deviation of the step along the line, as a share of the distance to the other parent.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> pairs = np.random.default_rng(0).random((4, 2, 3))
+        >>> auroraqd.IsoLine()(pairs, np.random.default_rng(0)).shape
+        (4, 3)
     """
 
     n_parents: ClassVar[int] = 2

@@ -1,4 +1,4 @@
-"""A task into a task: one that many workers evaluate, processes or a cluster, with the same results.
+"""A task into a task: one that many workers evaluate, processes or a cluster, with the same results::
 
     with auroraqd.evaluate.over(auroraqd.evaluate.processes(8), my_robot, timeout=60) as task:
         aurora.run(task, generations=500)

@@ -38,6 +38,10 @@ def processes(workers: int | None = None) -> Callable[[], Executor]:
 
     Args:
         workers: how many; by default one for each core that this process may use.
+
+    Examples:
+        >>> import auroraqd
+        >>> spread = auroraqd.evaluate.over(auroraqd.evaluate.processes(8), auroraqd.tasks.Ballistic())  # none is started yet
     """
     workers = len(cores()) if workers is None else whole("workers", workers, most=_MOST)
     return partial(_ProcessPool, workers)

@@ -58,6 +58,15 @@ def over(
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
+
+    Examples:
+        >>> from concurrent.futures import ThreadPoolExecutor
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, "genotype", seed=0)
+        >>> with auroraqd.evaluate.over(lambda: ThreadPoolExecutor(2), task) as spread:  # or processes(8), or dask(client)
+        ...     aurora.run(spread, generations=2).evaluations
+        400
     """
     if isinstance(executor, Executor) or not callable(executor):
         raise TypeError(

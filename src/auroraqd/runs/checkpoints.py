@@ -25,10 +25,6 @@ _SHARE = 0.02  # of the time of a run, at most, for checkpoints between its begi
 class Checkpoints:
     """A context in which a run is saved: when its object is called and it is time to, and at the end, whatever ends it.
 
-        with auroraqd.Checkpoints(aurora, "runs/mine") as checkpoints:
-            aurora.run(task, generations=5000, callback=checkpoints)
-        aurora = auroraqd.resume("runs/mine")  # after a crash, or to go on further
-
     With `ask` and `tell`, call it after each. The last two checkpoints are kept. While the context is open, no other process
     can open one on the same folder.
 
@@ -48,6 +44,15 @@ class Checkpoints:
         BlockingIOError: another process has a run in the folder.
         RuntimeError: it is opened twice, or called when it is not open.
         OSError: on entry, there cannot be such a folder; at the end, the run could not be saved.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, "genotype", seed=0)
+        >>> with auroraqd.Checkpoints(aurora, "runs/mine") as checkpoints:
+        ...     aurora = aurora.run(task, generations=5, callback=checkpoints)
+        >>> auroraqd.resume("runs/mine").generation  # after a crash, or to go on further
+        5
     """
 
     def __init__(

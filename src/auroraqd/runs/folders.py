@@ -65,6 +65,13 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     Raises:
         OSError: it cannot be written.
         TypeError: the run or the folder is something else.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, "genotype", seed=0).run(task, generations=2)
+        >>> sorted(path.name for path in auroraqd.save(aurora, "runs/saved").iterdir())
+        ['config.json', 'history.csv', 'repertoire.safetensors']
     """
     folder = as_path("folder", folder)
     check_run(aurora)
@@ -142,6 +149,14 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
 
     Warns:
         UserWarning: it is damaged, and the checkpoint before it is taken.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, "genotype", seed=0).run(task, generations=2)
+        >>> repertoire = auroraqd.load(auroraqd.save(aurora, "runs/loaded"))
+        >>> repertoire.genotype.shape == aurora.archive.genotype.shape
+        True
     """
     trusted = _checked_trust(trusted)
 
@@ -194,6 +209,15 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
 
     Warns:
         UserWarning: the last checkpoint is damaged, and the one before it is taken.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Ballistic()
+        >>> aurora = auroraqd.Aurora(task.n_genes, "genotype", seed=0).run(task, generations=2)
+        >>> again = auroraqd.resume(auroraqd.save(aurora, "runs/resumed"))
+        >>> one, other = aurora.run(task, generations=2), again.run(task, generations=2)
+        >>> bool((one.archive.genotype == other.archive.genotype).all())
+        True
     """
     unknown = set(parts) - {"selection", "variation", "emitter", "resolution", "schedule", "archive"}
     if unknown:

@@ -59,6 +59,12 @@ class AirHockey:
 
     Raises:
         ValueError: genotypes has the wrong shape, or leaves [0, 1]; restitution_threshold is negative.
+
+    Examples:
+        >>> import auroraqd
+        >>> path = auroraqd.tasks.AirHockey()([[0.5] * 8])  # an arm that does not move
+        >>> path.observation[0, -1]
+        array([0.55, 0.5 ])
     """
 
     restitution_threshold: float = 0.0

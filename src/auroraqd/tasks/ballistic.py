@@ -34,6 +34,16 @@ class Ballistic:
 
     Raises:
         ValueError: genotypes has the wrong shape, or leaves [0, 1].
+
+    Examples:
+        >>> import auroraqd
+        >>> throw = auroraqd.tasks.Ballistic()([[0.5, 0.5]])
+        >>> throw.observation.shape
+        (1, 50, 2)
+        >>> throw.observation[0, :3].round(1)
+        array([[  0. ,   0. ],
+               [ 70.7,  60.9],
+               [141.4, 112. ]])
     """
 
     @property

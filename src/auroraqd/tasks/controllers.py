@@ -78,6 +78,14 @@ class Sinusoids:
     Args:
         slowest, fastest: bounds of the frequency in Hz.
         offset: the largest, in half ranges of the actuators.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> controller = auroraqd.tasks.Sinusoids()
+        >>> genotypes = np.full((4, controller.n_genes(8)), 0.5)
+        >>> controller(genotypes, 8, np.arange(20) / 20).shape  # individuals, steps, actuators
+        (4, 20, 8)
     """
 
     slowest: float = 0.5
@@ -110,6 +118,14 @@ class Splines:
 
     Args:
         knots: of each actuator, at least 2.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> controller = auroraqd.tasks.Splines(knots=4)
+        >>> genotypes = np.full((2, controller.n_genes(3)), 0.5)
+        >>> controller(genotypes, 3, np.arange(20) / 20).shape
+        (2, 20, 3)
     """
 
     knots: int = 5
@@ -141,6 +157,11 @@ class MLP:
         hidden: neurons of each hidden layer; () for none.
         weight: the largest weight and bias.
         scale: a number, or one for each entry of the observation, in its unit; more than 0.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.tasks.MLP(hidden=(8,)).n_genes(4, 2)  # weights of 4 to 8 to 2, and biases
+        58
     """
 
     hidden: Sequence[int] = (16,)

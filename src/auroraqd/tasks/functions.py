@@ -46,14 +46,20 @@ class Gene:
 class Genes:
     """The parameters of a controller, by name.
 
-        genes = Genes(amplitude=(0, 1.5, "rad"), frequency=(0.5, 2, "Hz"))
-        amplitude, frequency = genes.scale(genotypes).T
-
     Args:
         genes: name to low and high, and a unit if wanted.
 
     Raises:
         ValueError: no genes, or bounds that are none.
+
+    Examples:
+        >>> import auroraqd
+        >>> genes = auroraqd.tasks.Genes(amplitude=(0, 1.5, "rad"), frequency=(0.5, 2, "Hz"))
+        >>> genes.scale([[0.0, 0.0], [1.0, 1.0]])
+        array([[0. , 0.5],
+               [1.5, 2. ]])
+        >>> genes.unscale([[0.75, 2.0]])
+        array([[0.5, 1. ]])
     """
 
     def __init__(self, **genes: tuple[float, float] | tuple[float, float, str]):
@@ -173,6 +179,20 @@ def each(function: Callable[..., Any], n_genes: int | None = None, *, seeded: bo
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> def one(genotype):
+        ...     angle, speed = np.pi * genotype[0], genotype[1]
+        ...     return -speed, speed * np.array([np.cos(angle), np.sin(angle)])
+        >>> task = auroraqd.tasks.each(one, n_genes=2)
+        >>> fitness, observation = task(np.array([[0.0, 1.0], [0.5, 0.5]]))
+        >>> fitness
+        array([-1. , -0.5])
+        >>> observation.round(2)
+        array([[1. , 0. ],
+               [0. , 0.5]])
     """
     return Each(function, n_genes, seeded)
 
@@ -230,6 +250,17 @@ def from_jax(function: Callable[..., Any], n_genes: int | None = None, *, seeded
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
+
+    Examples:
+        >>> import jax.numpy as jnp
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> def one(genotype):
+        ...     return genotype[1] * jnp.array([jnp.cos(genotype[0]), jnp.sin(genotype[0])])
+        >>> task = auroraqd.tasks.from_jax(one, n_genes=2)
+        >>> task(np.array([[0.0, 1.0], [0.0, 0.5]]))
+        array([[1. , 0. ],
+               [0.5, 0. ]], dtype=float32)
     """
     return FromJax(function, n_genes, seeded)
 

@@ -60,6 +60,12 @@ class Gym:
     Raises:
         ValueError: the extra is not installed, there is no such environment, it has not what is asked for, or an argument is
             out of range.
+
+    Examples:
+        >>> import auroraqd
+        >>> task = auroraqd.tasks.Gym("CartPole-v1", controller=auroraqd.tasks.MLP(hidden=()), steps=20, samples=5)
+        >>> task([[0.5] * task.n_genes]).observation.shape
+        (1, 5, 4)
     """
 
     env_id: str

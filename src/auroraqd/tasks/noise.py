@@ -87,5 +87,16 @@ def repeated(task: Callable[..., Any], times: int) -> Repeated:
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> def windy(genotypes, seeds):
+        ...     wind = np.array([np.random.default_rng(seed).normal() for seed in seeds])
+        ...     return genotypes + wind[:, None]
+        >>> windy.seeded = True
+        >>> aurora = auroraqd.Aurora(2, "observation", seed=0)
+        >>> aurora.run(auroraqd.tasks.repeated(windy, 5), generations=2).evaluations
+        400
     """
     return Repeated(task, times)
