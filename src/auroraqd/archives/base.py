@@ -469,7 +469,7 @@ def _settled(row, fitness, size, next_id, ids, stored_fitness, places, gain):
             gain[i] = fitness[i] - stored_fitness[place]
             removed[gone] = before
             gone += 1
-            if before >= first:
+            if first <= before < next_id:  # of the same batch
                 row[stored[before - first]] = -1
         else:
             size += 1
