@@ -209,6 +209,7 @@ def calls(folder):
         "Adaptation.ask": Call(of(auroraqd.Adaptation(GOOD, GOOD[:, 0]), "ask"), {}),
         "Adaptation.predict": Call(of(auroraqd.Adaptation(GOOD, GOOD[:, 0]), "predict"), {}),
         "Checkpoints": Call(lambda: auroraqd.Checkpoints, {"aurora": aurora, "folder": folder}),
+        "Snapshots": Call(lambda: auroraqd.Snapshots, {"folder": "run"}),
         "save": Call(lambda: auroraqd.save, {"aurora": asked(), "folder": "run"}),
         "load": Call(lambda: auroraqd.load, {"folder": folder}),
         "resume": Call(

@@ -364,7 +364,7 @@ class Archive(Individuals, ABC):
     def _rearrange(self, source: np.ndarray, new: Columns) -> None:
         """Keep the rows `source`, in this order, with new columns instead of those they had."""
         self._where.set(self.id, -1)
-        self._population.gather(source)
+        self._population.renew(source)
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
             self._population.set(name, rows)
