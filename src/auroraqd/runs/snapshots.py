@@ -1,5 +1,5 @@
-"""Snapshots: how the descriptor space of a run looked at each update of the descriptor, before and after, so that it can be seen
-being learned.
+"""Snapshots: how the descriptor space of a run looked at each update of the descriptor, before and after: it can be seen being
+learned.
 
     snapshots/00000051.safetensors    after 51 generations, of which the last began with an update
 

@@ -8,8 +8,8 @@ window.explorer = (() => {
   const NEAR = 14; // pixels within which a click means a skill
   const LINES = 300, PICTURES = 48, FOUND = 12, ANCESTORS = 50; // that are shown of a set; that are found; on the maps
   const $ = (id) => document.getElementById(id);
-  const state = { run: 0, skill: -1, place: null, pins: [], set: null, playing: null };
-  let models, data, maps, ink;
+  const state = { run: 0, skill: -1, place: null, pins: [], set: null, playing: null, moment: null };
+  let models, data, maps, ink, shaded = null;
 
   // Tables: rows of numbers in few bytes.
   const width = (table) => table.values.shape[1];
@@ -66,19 +66,25 @@ window.explorer = (() => {
     if (rows(columns) || rows(source.data)) source.data = columns; // each change costs a frame some milliseconds
   }
 
-  const placeOn = (map, i) => ["x", "y"].map((axis) => models.sources[map.run].data[`${map.space}_${axis}`][i]);
+  const shownOn = (map) => (state.moment ? models.then : models.sources[map.run]).data;
+
+  /** Where a skill is on a map; NaN where it was not there at the time that is shown. */
+  function placeOn(map, i) {
+    const row = state.moment ? rowThen(data.runs[map.run].id[i]) : i;
+    return ["x", "y"].map((axis) => shownOn(map)[`${map.space}_${axis}`][row] ?? NaN);
+  }
 
   /** The skill that is nearest to a place of a map in pixels, of those that are `among`, and how far it is. */
   function nearest(map, x, y, among = () => true) {
     const { x_range, y_range, inner_width, inner_height } = map.figure;
     const [across, up] = [inner_width / (x_range.end - x_range.start), inner_height / (y_range.end - y_range.start)];
-    const source = models.sources[map.run].data, xs = source[`${map.space}_x`], ys = source[`${map.space}_y`];
+    const source = shownOn(map), xs = source[`${map.space}_x`], ys = source[`${map.space}_y`];
     let best = -1, least = Infinity;
     for (let i = 0; i < xs.length; i++) {
       const dx = (xs[i] - x) * across, dy = (ys[i] - y) * up, distance = dx * dx + dy * dy;
       if (distance < least && among(dx, dy, i)) { best = i; least = distance; }
     }
-    return { skill: best, distance: Math.sqrt(least) };
+    return { skill: state.moment ? skillOf(data.runs[map.run], state.moment.id[best]) : best, distance: Math.sqrt(least) };
   }
 
   function setAxes(map) {
@@ -91,8 +97,10 @@ window.explorer = (() => {
     mark();
   }
 
-  function label({ run, space, figure, shown: [x, y] }) {
+  function label({ run, space, figure, shown }) {
+    let [x, y] = shown;
     const names = columnNames(data.runs[run].spaces[space]);
+    if (state.moment) [x, y] = data.runs[run].spaces[space].shown;
     figure.below[0].axis_label = names[x];
     figure.left[0].axis_label = names.length > 1 ? names[y] : "";
   }
@@ -123,6 +131,8 @@ window.explorer = (() => {
       if (!read) shades.set(data.runs[k].place);
       source.change.emit();
     });
+    shaded = read;
+    if (state.moment) models.then.data = { ...models.then.data, color: coloursThen() };
     drawSet();
   }
 
@@ -169,15 +179,65 @@ window.explorer = (() => {
 
   /** Those of which a skill is an offspring, as far as they are here, the nearest first; and why there are no more. */
   function ancestors(run, skill) {
-    run.index ??= new Map(Array.from(run.id, (id, i) => [id, i]));
     const chain = [];
     for (let i = skill; ;) {
       const parent = run.parent[i];
       if (parent < 0) return { chain, end: run.born[i] < 0 ? "unknown" : "random" };
-      if (!run.index.has(parent) || parent >= run.id[i]) return { chain, end: parent }; // a parent is older
-      i = run.index.get(parent);
+      if (skillOf(run, parent) < 0 || parent >= run.id[i]) return { chain, end: parent }; // a parent is older
+      i = skillOf(run, parent);
       chain.push(i);
     }
+  }
+
+  /** The skill of an id; -1 where it is not in the page. */
+  function skillOf(run, id) {
+    run.index ??= new Map(Array.from(run.id, (each, i) => [each, i]));
+    return run.index.get(id) ?? -1;
+  }
+
+  // Time: how the run was at its updates. The last place of the slider is what it is now, and no moment.
+  function rowThen(id) {
+    state.moment.index ??= new Map(Array.from(state.moment.id, (each, row) => [each, row]));
+    return state.moment.index.get(id);
+  }
+
+  function travel(k) {
+    const [run] = data.runs, before = state.moment;
+    state.moment = run.moments[k] ?? null;
+    state.place = null;
+    if (Boolean(before) !== Boolean(state.moment)) {
+      models.sources[0].selected.indices = [];
+      for (const map of maps) {
+        rendererOf(map.figure, "points").visible = !state.moment;
+        rendererOf(map.figure, "then").visible = Boolean(state.moment);
+        map.element.querySelectorAll("select").forEach((select) => { select.disabled = Boolean(state.moment); });
+        label(map);
+      }
+    }
+    models.then.data = state.moment ? columnsThen(run, state.moment) : Object.fromEntries(Object.keys(models.then.data).map((name) => [name, []]));
+    $("when").textContent = whenOf(run);
+    mark();
+  }
+
+  function columnsThen(run, moment) {
+    const columns = { color: coloursThen() };
+    for (const { space } of maps) for (const [j, axis] of ["x", "y"].entries()) {
+      const name = `${space}_${axis}`, table = moment.places[space], now = models.sources[0].data[name];
+      columns[name] = Float32Array.from(moment.id, (id, row) => (table ? entry(table, row, j) : now[skillOf(run, id)] ?? NaN)); // genes do not change
+    }
+    return columns;
+  }
+
+  /** Colours by place; or by a number, of those that are still there. */
+  function coloursThen() {
+    const { id, colours } = state.moment, [run] = data.runs, now = models.sources[0].data.color;
+    return shaded ? colours.map((_, row) => now[skillOf(run, id[row])] ?? 0x888888ff) : colours;
+  }
+
+  function whenOf(run) {
+    if (!state.moment) return `now: ${run.total.toLocaleString("en")} skills`;
+    const { generation, moment, size, l } = state.moment;
+    return `generation ${generation.toLocaleString("en")}${moment ? `, ${moment} an update` : ""}: ${size.toLocaleString("en")} skills${l === null ? "" : `, l ${number(l)}`}`;
   }
 
   // A skill.
@@ -551,6 +611,7 @@ window.explorer = (() => {
     $("json").addEventListener("click", () => save("json"));
     $("copy").addEventListener("click", () => navigator.clipboard?.writeText(python()).then(() => say("Copied."), () => say(python())));
     $("clear").addEventListener("click", () => { models.sources.forEach((source) => { source.selected.indices = []; }); });
+    $("moment").addEventListener("input", () => travel(Number($("moment").value)));
     $("play").addEventListener("click", play);
     $("step").addEventListener("input", () => { stop(); animate(Number($("step").value)); });
     $("theme").addEventListener("click", () => theme(document.documentElement.dataset.theme !== "dark"));
@@ -567,6 +628,10 @@ window.explorer = (() => {
     const elements = document.querySelectorAll(".map");
     maps = models.maps.map((map, k) => ({ ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown] }));
     describe();
+    const { moments } = data.runs[0], aged = data.runs.length === 1 && moments.length > 0;
+    for (const id of ["time", "aged"]) $(id).hidden = !aged;
+    Object.assign($("moment"), { max: moments.length, value: moments.length });
+    $("when").textContent = whenOf(data.runs[0]);
     dress();
     maps.forEach(label);
     listen();
@@ -592,6 +657,7 @@ window.explorer = (() => {
     const map = named(name), { skill, distance } = nearest(map, x, y);
     if (skill < 0) return;
     if (distance <= NEAR) { pin(map.run, skill); return; }
+    if (state.moment) return; // the descriptor of then is not here
     show(map.run, skill, { map, at: [x, y], decoded: imagined(map, skill, x, y) });
   }
 

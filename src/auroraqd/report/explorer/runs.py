@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,10 +19,13 @@ from auroraqd.observations import streams_of
 from auroraqd.provenance import called, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.decoders import decoder
+from auroraqd.report.explorer.moments import moments
 from auroraqd.report.explorer.places import genes_of, stage_of, truth_names
 from auroraqd.report.explorer.sights import Sight, worth_showing
+from auroraqd.report.explorer.spaces import space
 from auroraqd.report.explorer.tables import back, single, table, wholes
 from auroraqd.runs import folders
+from auroraqd.runs.snapshots import Snapshot, load_snapshots
 from auroraqd.runs.state import settings_of
 
 _NEIGHBOURS = 15
@@ -37,11 +40,13 @@ class Source:
         repertoire: its skills.
         name: of the run.
         code: Python that loads the skills.
+        snapshots: how they were at updates.
     """
 
     repertoire: Repertoire
     name: str
     code: str
+    snapshots: Sequence[Snapshot] = ()
 
 
 def source_of(run: Any) -> Source:
@@ -61,7 +66,17 @@ def source_of(run: Any) -> Source:
     if not isinstance(run, str | os.PathLike):
         raise TypeError(f"run must be a run folder, an auroraqd.Aurora or an auroraqd.Repertoire, got {type(run).__name__}")
     path = Path(run)
-    return Source(folders.load(path), path.name or str(path.absolute().name), f"auroraqd.load({os.fspath(path)!r})")
+    repertoire, name = folders.load(path), path.name or str(path.absolute().name)
+    return Source(repertoire, name, f"auroraqd.load({os.fspath(path)!r})", _snapshots(path, repertoire))
+
+
+def _snapshots(path: Path, repertoire: Repertoire) -> list[Snapshot]:
+    """Those that are of the run as far as it has come."""
+    with suppress(OSError, ValueError):
+        last = repertoire.history.last
+        if last is not None:
+            return load_snapshots(path, repertoire._origin.seed(), last.generation)
+    return []
 
 
 def check_any(name: str, skills: int) -> None:
@@ -127,6 +142,7 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         "values": _values(repertoire, rows),
         "placed": placed,
         "places": places,
+        "moments": moments(source.snapshots, spaces, placed),
         "sight": {"kind": sight.kind, "shape": list(sight.shape), "given": list(sight.given)},
         "observed": observed,
         "decoder": whole,
@@ -174,13 +190,13 @@ def _one_scale(pixels: np.ndarray) -> dict[str, Any]:
 def _spaces(repertoire: Repertoire, config: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:
     """The spaces in which skills are points: names of their columns, and which two are shown first."""
     descriptor, truth, genes = repertoire.descriptor, repertoire.ground_truth, genes_of(config, repertoire.genotype.shape[1])
-    spaces = {"descriptor": _space("Descriptor space", descriptor, rows, _numbered("descriptor", descriptor))}
+    spaces = {"descriptor": space("Descriptor space", descriptor, rows, _numbered("descriptor", descriptor))}
     if truth is not None:
         flat = truth.reshape(len(truth), -1).astype(np.float64)
-        spaces["truth"] = _space("Ground truth", flat, rows, truth_names(config, flat.shape[1]))
+        spaces["truth"] = space("Ground truth", flat, rows, truth_names(config, flat.shape[1]))
     values = repertoire.genotype if genes is None else genes.scale(repertoire.genotype)
     names = _numbered("gene", values) if genes is None else genes.names
-    spaces["genes"] = _space("Genes", values, rows, names) | {
+    spaces["genes"] = space("Genes", values, rows, names) | {
         "units": [""] * len(names) if genes is None else genes.units,
         "bounds": [[0, 1]] * len(names) if genes is None else genes.bounds.tolist(),
     }
@@ -189,22 +205,6 @@ def _spaces(repertoire: Repertoire, config: Mapping[str, Any], rows: np.ndarray)
 
 def _numbered(name: str, values: np.ndarray) -> list[str]:
     return [f"{name} {column + 1}" for column in range(values.shape[1])]
-
-
-def _space(title: str, values: np.ndarray, rows: np.ndarray, names: list[str]) -> dict[str, Any]:
-    space = {"title": title, "names": names, "table": table(values[rows]), "main": None, "shown": [0, min(1, len(names) - 1)]}
-    if len(names) > 2 and np.isfinite(values).all() and np.ptp(values, axis=0).any():
-        directions = _main_directions(values)
-        space["main"] = single((values[rows] - values.mean(axis=0)) @ directions.T)
-        space["shown"] = [len(names), len(names) + 1]
-        space["directions"] = directions.tolist()
-    return space
-
-
-def _main_directions(values: np.ndarray) -> np.ndarray:
-    """The two directions in which values, (n, columns), vary most, (2, columns)."""
-    _, directions = np.linalg.eigh(np.cov(values, rowvar=False))
-    return directions[:, :-3:-1].T
 
 
 def _values(repertoire: Repertoire, rows: np.ndarray) -> dict[str, np.ndarray]:
