@@ -1,6 +1,7 @@
 """The explorer: what is in a page, and what the page does in a browser, where there is one."""
 
 import csv
+import dataclasses
 import io
 import json
 import shutil
@@ -29,8 +30,9 @@ WAIT = 60  # seconds, on a machine that has much else to do
 def folder(tmp_path_factory):
     """A run of the arm and the puck."""
     task = auroraqd.tasks.AirHockey()
-    aurora = auroraqd.Aurora(8, PCA(2), seed=0, batch_size=100).run(task, generations=6)
-    return auroraqd.save(aurora, tmp_path_factory.mktemp("explorer") / "hockey")
+    place = tmp_path_factory.mktemp("explorer") / "hockey"
+    aurora = auroraqd.Aurora(8, PCA(2), seed=0, batch_size=100, schedule=auroraqd.Every(2))
+    return auroraqd.save(aurora.run(task, generations=6, callback=auroraqd.Snapshots(place)), place)
 
 
 def found(task, descriptor, n_genes=2, generations=2, **options):
@@ -123,6 +125,24 @@ def test_a_run_a_repertoire_and_a_folder_give_the_same_skills(folder):
         np.testing.assert_array_equal(other["id"], contents[0]["id"])
         np.testing.assert_array_equal(other["observed"]["values"], contents[0]["observed"]["values"])
         np.testing.assert_array_equal(other["decoder"]["matrix"], contents[0]["decoder"]["matrix"])
+
+
+def test_snapshots_are_thinned_to_what_a_page_can_hold(folder):
+    source = source_of(folder)
+    assert [each.moment for each in source.snapshots] == ["after", "before", "after", "before", "after"]
+    many = [each._replace(generation=number) for number, each in enumerate([source.snapshots[0]] + source.snapshots[1:3] * 100)]
+    kept = content(dataclasses.replace(source, snapshots=many), 1000)["moments"]
+    assert len(kept) == 47
+    assert (kept[0]["generation"], kept[-1]["generation"]) == (0, 200)
+    assert [each["moment"] for each in kept] == ["after"] + ["before", "after"] * 23
+
+
+def test_places_of_another_time_are_those_of_the_snapshot(folder):
+    source = source_of(folder)
+    for kept, snapshot in zip(content(source, 1000)["moments"], source.snapshots, strict=True):
+        np.testing.assert_array_equal(kept["id"], snapshot.id)
+        for name, wanted in (("descriptor", snapshot.descriptor), ("truth", snapshot.ground_truth)):
+            np.testing.assert_allclose(back(kept["places"][name]), wanted, atol=np.ptp(wanted) / 60_000)
 
 
 def test_what_cannot_be_explored_is_said(folder, tmp_path):
@@ -389,6 +409,47 @@ def test_colours_and_looks(page):
     assert page.troubles() == []
 
 
+SLIDE = (
+    "const m = document.getElementById('moment'); m.value = arguments[0] < 0 ? m.max : arguments[0];"
+    "m.dispatchEvent(new Event('input'));"
+)
+THEN = (
+    "const r = Bokeh.documents[0].roots()[arguments[0]].renderers.find((r) => r.name === arguments[1]);"
+    "return [r.visible, Array.from(Object.values(r.data_source.data)[0]).length]"
+)
+
+
+def test_the_slider_goes_through_the_updates(page, folder):
+    snapshots, repertoire = source_of(folder).snapshots, auroraqd.load(folder)
+    assert page.js("return document.getElementById('moment').max") == str(len(snapshots))
+    for number in (0, 3):
+        snapshot = snapshots[number]
+        page.js(SLIDE, number)
+        said = f"generation {snapshot.generation}, {snapshot.moment} an update: {snapshot.size:,} skills"
+        assert page.text("when").startswith(said)
+        for plot in range(3):
+            assert page.js(THEN, plot, "then") == [True, len(snapshot.id)]
+            assert page.js(THEN, plot, "points")[0] is False
+    stays = np.flatnonzero(np.isin(snapshots[3].id, repertoire.id))[4]
+    page.mouse("mouseMoved", page.place(0, *map(float, snapshots[3].descriptor[stays])))
+    page.until(f"return explorer.data().runs[0].id[explorer.state.skill] === {snapshots[3].id[stays]}")
+    page.js("explorer.tap('map0', {x: 99, y: 99})")  # what was expected there is not known
+    page.js(SLIDE, -1)
+    assert page.text("when") == f"now: {len(repertoire):,} skills"
+    assert page.js(THEN, 0, "then") == [False, 0]
+    assert page.js(THEN, 0, "points")[0] is True
+    assert page.troubles() == []
+
+
+def test_the_slider_by_keys(page):
+    slider = page.driver.find_element("id", "moment")
+    most = page.js("return Number(arguments[0].max)", slider)
+    slider.send_keys("\ue012")  # to the left
+    page.until(f"return explorer.state.moment === explorer.data().runs[0].moments[{most - 1}]")
+    slider.send_keys("\ue014")
+    page.until("return explorer.state.moment === null")
+
+
 def test_runs_beside_each_other(folder, browser, tmp_path):
     browser.open(explore([folder, folder], tmp_path / "two.html"))
     repertoire = auroraqd.load(folder)
@@ -405,6 +466,7 @@ def test_odd_runs_have_a_page(kind, browser, tmp_path):
     aurora = ODD[kind]()
     browser.open(explore(aurora, tmp_path / "odd.html"))
     assert browser.js("return explorer.data().runs[0].rows.length") == len(aurora.archive)
+    assert browser.js("return document.getElementById('time').hidden")  # it has no snapshots
     browser.js("explorer.tap('map0', {x: 0.1, y: 0.1}); explorer.move('map0', {x: 0.3, y: 0.2});")
     assert browser.troubles() == []
 
