@@ -105,7 +105,7 @@ def test_numbers_that_cannot_be_drawn_leave_the_table():
 
 
 def test_names_are_text(repertoire, tmp_path):
-    evil = type("Evil", (PCA,), {"__repr__": lambda _: EVIL, "__str__": lambda _: EVIL})
+    evil = type(EVIL, (PCA,), {})
     aurora = auroraqd.Aurora(2, evil(2), seed=0, batch_size=50).run(task, generations=2)
     assert EVIL in "".join(shown(aurora).texts)
     saved = auroraqd.load(auroraqd.save(aurora, tmp_path, config={"task": EVIL, "descriptor": EVIL, "seed": EVIL}))

@@ -166,7 +166,7 @@ class Aurora:
     def _repr_html_(self) -> str:
         last, l = self.history.last, getattr(self.archive, "l", None)
         facts = {
-            "described by": self.descriptor,
+            "described by": f"{self.descriptor}".strip("'"),
             "seed": self.seed,
             "generation": f"{self.generation:,}",
             "evaluations": f"{self.evaluations:,}",
