@@ -101,6 +101,7 @@ def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
         nonselection_fill_alpha=_BACKED_OFF,
         nonselection_fill_color="color",
         name="points",
+        visible=False,  # until the page is laid out: each step of that would draw them, which takes long without a GPU
     )
     lasso = LassoSelectTool(persistent=False, continuous=False, renderers=[points])
     plot.add_tools(BoxSelectTool(persistent=False, renderers=[points]), lasso)

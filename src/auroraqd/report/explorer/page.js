@@ -642,7 +642,8 @@ window.explorer = (() => {
     Object.values(models.lines).forEach((figure) => { border(figure); fit(figure); });
     drawSet();
     show(0, data.runs[0].first);
-    document.documentElement.dataset.ready = Math.round(performance.now());
+    for (const { figure } of maps) rendererOf(figure, "points").visible = true;
+    requestAnimationFrame(() => setTimeout(() => { document.documentElement.dataset.ready = Math.round(performance.now()); })); // drawn
   }
 
   const named = (name) => maps.find(({ figure }) => figure.name === name);
@@ -674,6 +675,17 @@ window.explorer = (() => {
     return decoded(run, place);
   }
 
+  /** Without a GPU, WebGL takes longer than the plain canvas, which Bokeh draws on where there is no WebGL. */
+  function preferPlainCanvas() {
+    const gl = document.createElement("canvas").getContext("webgl"), info = gl?.getExtension("WEBGL_debug_renderer_info");
+    if (gl && !/swiftshader|llvmpipe|software|basic render/i.test(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER))) return;
+    const { getContext } = HTMLCanvasElement.prototype;
+    HTMLCanvasElement.prototype.getContext = function context(kind, ...options) {
+      return kind === "webgl" ? null : getContext.call(this, kind, ...options);
+    };
+  }
+
+  preferPlainCanvas();
   theme(matchMedia("(prefers-color-scheme: dark)").matches);
   return { start, move, tap, state, data: () => data };
 })();
