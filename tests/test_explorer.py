@@ -115,16 +115,17 @@ def test_many_skills_are_thinned_and_large_observations_too(folder):
     assert len(some["rows"]) == 20 < some["total"] == len(source.repertoire)
     np.testing.assert_array_equal(some["id"], source.repertoire.id[some["rows"]])
     pictures = found(lambda g: np.repeat(g[:, :1], 3072, axis=1).reshape(-1, 32, 32, 3), "genotype")
-    assert len(content(source_of(pictures), 1000, share=0.01)["rows"]) == 7_000_000 // 100 // 3072
+    assert len(content(source_of(pictures), 1000, share=0.01)["rows"]) == 70_000 // 3072
 
 
 def test_a_run_a_repertoire_and_a_folder_give_the_same_skills(folder):
     aurora = auroraqd.resume(folder)
     contents = [content(source_of(run), 1000) for run in (folder, aurora, auroraqd.load(folder))]
-    for other in contents[1:]:
+    seen = [each["streams"]["observation"] for each in contents]
+    for other, each in zip(contents[1:], seen[1:], strict=True):
         np.testing.assert_array_equal(other["id"], contents[0]["id"])
-        np.testing.assert_array_equal(other["observed"]["values"], contents[0]["observed"]["values"])
-        np.testing.assert_array_equal(other["decoder"]["matrix"], contents[0]["decoder"]["matrix"])
+        np.testing.assert_array_equal(each["observed"]["values"], seen[0]["observed"]["values"])
+        np.testing.assert_array_equal(each["decoder"]["matrix"], seen[0]["decoder"]["matrix"])
 
 
 def test_snapshots_are_thinned_to_what_a_page_can_hold(folder):
@@ -468,6 +469,56 @@ def test_odd_runs_have_a_page(kind, browser, tmp_path):
     assert browser.js("return explorer.data().runs[0].rows.length") == len(aurora.archive)
     assert browser.js("return document.getElementById('time').hidden")  # it has no snapshots
     browser.js("explorer.tap('map0', {x: 0.1, y: 0.1}); explorer.move('map0', {x: 0.3, y: 0.2});")
+    assert browser.troubles() == []
+
+
+def streams(genotypes):
+    camera = (255 * np.tile(genotypes[:, :1, None], (1, 12, 16))).astype(np.uint8)
+    return {"camera": camera, "path": np.tile(genotypes[:, None], (1, 20, 1)), "joints": np.tile(genotypes, 3)}
+
+
+def test_any_stream_can_be_seen(browser, tmp_path):
+    aurora = found(streams, PCA(2), resolution=auroraqd.Fixed(0.05))
+    browser.open(explore(aurora, tmp_path / "streams.html"))
+    choose = "const s = document.getElementById('stream'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));"
+    for k, (name, pictures) in enumerate({"path": 0, "camera": 2, "joints": 0}.items()):
+        browser.js(choose, k)
+        assert browser.js("return document.getElementById('stream').selectedOptions[0].text") == name
+        assert browser.js("return document.querySelectorAll('aside .pictures canvas').length") == pictures
+        assert (
+            browser.js("return explorer.data().runs[0].sight.kind")
+            == {"path": "path", "camera": "image", "joints": "series"}[name]
+        )
+        browser.js("Bokeh.documents[0].roots()[0].renderers[0].data_source.selected.indices = [0, 1]")
+        kept = json.loads(browser.saved("json"))["skills"][1]
+        wanted = aurora.archive.observation[name][int(kept["row"])].ravel()
+        np.testing.assert_allclose(kept["observation"], wanted, atol=0.6 if name == "camera" else 1e-4)
+    assert browser.troubles() == []
+
+
+def test_a_stream_for_which_there_is_no_room_is_left_out():
+    source = source_of(found(streams, "genotype"))
+    assert list(content(source, 1000)["streams"]) == ["path", "camera", "joints"]
+    few = content(source, 1000, share=len(source.repertoire) * 100 / 7e6)  # a path has 80 bytes, an image 192, joints 12
+    assert (list(few["streams"]), few["left_out"]) == (["path", "joints"], ["camera"])
+
+
+def test_genes_that_are_called_like_other_columns_keep_theirs(browser, tmp_path):
+    def task(genotypes):
+        return genotypes[:, 0], genotypes
+
+    task.genes = auroraqd.tasks.Genes(fitness=(0, 9), observation=(0, 5))
+    aurora = found(task, "genotype")
+    browser.open(explore(auroraqd.save(aurora, tmp_path / "run"), tmp_path / "same.html"))
+    browser.js("Bokeh.documents[0].roots()[0].renderers[0].data_source.selected.indices = [3]")
+    for kept in (next(csv.DictReader(io.StringIO(browser.saved("csv")))), json.loads(browser.saved("json"))["skills"][0]):
+        fitness, genes = aurora.archive.fitness[3], aurora.archive.genotype[3]
+        np.testing.assert_allclose(float(kept["fitness"]), fitness, rtol=1e-5)
+        np.testing.assert_allclose(float(kept["fitness (gene)"]), 9 * genes[0], rtol=1e-5)
+        np.testing.assert_allclose(float(kept["observation (gene)"]), 5 * genes[1], rtol=1e-5)
+    np.testing.assert_allclose(kept["observation"], aurora.archive.observation[3], rtol=1e-5)
+    names = browser.js("return [...document.getElementById('colour').options].map((o) => o.text)")
+    assert {"fitness", "fitness (gene)"} <= set(names)
     assert browser.troubles() == []
 
 

@@ -110,8 +110,15 @@ window.explorer = (() => {
     const found = new Map([[`place in ${data.runs[0].placed}`, null]]);
     for (const name of Object.keys(data.runs[0].values)) found.set(name, (run) => run.values[name]);
     for (const [space, { names }] of Object.entries(data.runs[0].spaces)) {
-      names.forEach((name, j) => { found.set(name, (run) => column(run, space, j)); });
+      names.forEach((name, j) => { found.set(free(found, name, space), (run) => column(run, space, j)); });
     }
+    return found;
+  }
+
+  /** The name of a column of a space, and of which space it is where others have that name: genes are called as their task likes. */
+  function free(taken, name, space) {
+    let found = name;
+    while (taken.has(found)) found += { descriptor: " (descriptor)", truth: " (ground truth)", genes: " (gene)" }[space];
     return found;
   }
 
@@ -276,6 +283,7 @@ window.explorer = (() => {
   function draw(part, figure, run, entries) {
     const image = run.sight.kind === "image";
     part.querySelector(".lines").hidden = image;
+    part.querySelector(".pictures").replaceChildren();
     if (image) {
       part.querySelector(".pictures").replaceChildren(...entries.map((each) => picture(run, each)));
       return;
@@ -462,23 +470,27 @@ window.explorer = (() => {
     return `import numpy as np, auroraqd; skills = ${code}; rows = np.flatnonzero(np.isin(skills.id, [${ids}]))`;
   }
 
-  /** The skills of the set as objects of their numbers. */
-  function records() {
-    const { run: k, indices } = state.set, run = data.runs[k];
-    return indices.map((i) => ({
-      row: run.rows[i], id: run.id[i], parent: run.parent[i], born: run.born[i],
-      ...Object.fromEntries(Object.entries(run.values).filter(([name]) => name !== "born").map(([name, values]) => [name, values[i]])),
-      ...Object.fromEntries(Object.values(run.spaces).flatMap(({ names, table }) => names.map((name, j) => [name, entry(table, i, j)]))),
-    }));
+  /** The columns of an export: name to a function from a skill to its number. */
+  function columnsOf(run) {
+    const columns = new Map(Object.entries({ row: run.rows, id: run.id, parent: run.parent, born: run.born, ...run.values })
+      .map(([name, values]) => [name, (i) => values[i]]));
+    columns.set("born", (i) => run.born[i]); // as a whole number
+    const taken = new Set([...columns.keys(), "observation"]);
+    for (const [space, { names, table }] of Object.entries(run.spaces)) names.forEach((name, j) => {
+      const own = free(taken, name, space);
+      taken.add(own);
+      columns.set(own, (i) => entry(table, i, j));
+    });
+    return columns;
   }
 
   function save(kind) {
-    const rows = records(), quoted = (text) => `"${String(text).replaceAll('"', '""')}"`;
-    const run = data.runs[state.set.run];
+    const run = data.runs[state.set.run], { indices } = state.set, columns = columnsOf(run), names = [...columns.keys()];
+    const quoted = (text_) => `"${text_.replaceAll('"', '""')}"`, valuesOf = (i) => [...columns.values()].map((of) => of(i));
     const text = kind === "csv"
-      ? [Object.keys(rows[0]).map(quoted), ...rows.map((row) => Object.values(row))].map((line) => `${line.join(",")}\n`).join("")
+      ? [names.map(quoted), ...indices.map(valuesOf)].map((line) => `${line.join(",")}\n`).join("")
       : JSON.stringify({ run: run.name, python: python(), observation_shape: run.sight.shape,
-        skills: rows.map((row, n) => ({ ...row, observation: [...rowOf(run.observed, state.set.indices[n])] })) });
+        skills: indices.map((i) => Object.fromEntries([...names.map((name, j) => [name, valuesOf(i)[j]]), ["observation", [...rowOf(run.observed, i)]]])) });
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([text], { type: kind === "csv" ? "text/csv" : "application/json" }));
     link.download = `skills.${kind}`;
@@ -567,8 +579,8 @@ window.explorer = (() => {
   /** What does not move: walls, or the ground. */
   function border(figure) {
     const { stage } = data.runs[0], [left, bottom] = stage?.low ?? [], [right, top] = stage?.high ?? [];
-    if (stage?.walls) fill(figure, "border", { x: [left, right, right, left, left], y: [bottom, bottom, top, top, bottom] });
-    if (stage?.ground) fill(figure, "border", { x: [left, right], y: [0, 0] });
+    const ground = stage?.ground ? { x: [left, right], y: [0, 0] } : { x: [], y: [] };
+    fill(figure, "border", stage?.walls ? { x: [left, right, right, left, left], y: [bottom, bottom, top, top, bottom] } : ground);
     [[figure.below[0], 0], [figure.left[0], 1]].forEach(([axis, k]) => { axis.axis_label = stage?.labels[k] ?? ""; });
   }
 
@@ -588,7 +600,37 @@ window.explorer = (() => {
     $("about").textContent = several
       ? data.runs.map((each) => `${each.name}: ${shown(each)}`).join(" · ")
       : [shown(run), ...run.facts.map(([name, value]) => `${name} ${value}`)].join(" · ");
-    $("wanted").placeholder = run.sight.kind === "path" ? "ends near (x, y); skill 17" : run.spaces.truth ? "truth near (a, b); skill 17" : "skill 17; id 17";
+  }
+
+  /** The streams of what was observed that all runs have, or just the first of each. */
+  function streamNames() {
+    const names = Object.keys(data.runs[0].streams).filter((name) => data.runs.every((run) => name in run.streams));
+    return names.length ? names : [null];
+  }
+
+  /** Show a stream of what was observed: how, and on which stage. */
+  function take(name) {
+    stop();
+    for (const run of data.runs) Object.assign(run, run.streams[name] ?? Object.values(run.streams)[0]);
+    state.place = null;
+    const [{ sight, stage, spaces: { truth } }] = data.runs, last = sight.shape[0] - 1;
+    $("set").classList.toggle("equal", Boolean(stage?.equal));
+    $("step").max = last;
+    $("step").value = last;
+    $("wanted").placeholder = sight.kind === "path" ? "ends near (x, y); skill 17" : truth ? "truth near (a, b); skill 17" : "skill 17; id 17";
+    Object.values(models.lines).forEach((figure) => { border(figure); fit(figure); });
+  }
+
+  function offerStreams() {
+    const names = streamNames(), select = $("stream"), { left_out: leftOut } = data.runs[0];
+    $("streams").hidden = names.length + leftOut.length < 2;
+    options(select, names.map((name) => name ?? ""), 0, (k) => { take(names[k]); mark(); drawSet(); drawSkill(); });
+    for (const name of leftOut) {
+      const option = new Option(`${name}: too large beside so many skills`);
+      option.disabled = true;
+      select.append(option);
+    }
+    take(names[0]);
   }
 
   function listen() {
@@ -628,6 +670,7 @@ window.explorer = (() => {
     const elements = document.querySelectorAll(".map");
     maps = models.maps.map((map, k) => ({ ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown] }));
     describe();
+    offerStreams();
     const { moments } = data.runs[0], aged = data.runs.length === 1 && moments.length > 0;
     for (const id of ["time", "aged"]) $(id).hidden = !aged;
     Object.assign($("moment"), { max: moments.length, value: moments.length });
@@ -636,10 +679,6 @@ window.explorer = (() => {
     maps.forEach(label);
     listen();
     if (matchMedia("(pointer: coarse)").matches) maps.forEach(({ figure }) => { figure.toolbar.active_drag = null; }); // or one could not scroll
-    $("set").classList.toggle("equal", Boolean(data.runs[0].stage?.equal));
-    $("step").max = data.runs[0].sight.shape[0] - 1;
-    $("step").value = $("step").max;
-    Object.values(models.lines).forEach((figure) => { border(figure); fit(figure); });
     drawSet();
     show(0, data.runs[0].first);
     for (const { figure } of maps) rendererOf(figure, "points").visible = true;

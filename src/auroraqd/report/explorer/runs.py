@@ -15,21 +15,19 @@ from sklearn.neighbors import NearestNeighbors
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.history import History
-from auroraqd.observations import streams_of
 from auroraqd.provenance import called, task_in
 from auroraqd.repertoire import Repertoire
-from auroraqd.report.explorer.decoders import decoder
 from auroraqd.report.explorer.moments import moments
-from auroraqd.report.explorer.places import genes_of, stage_of, truth_names
-from auroraqd.report.explorer.sights import Sight, worth_showing
+from auroraqd.report.explorer.places import genes_of, truth_names
+from auroraqd.report.explorer.sights import by_worth
 from auroraqd.report.explorer.spaces import space
-from auroraqd.report.explorer.tables import back, single, table, wholes
+from auroraqd.report.explorer.tables import back, single, wholes
+from auroraqd.report.explorer.views import BYTES, View, fitting
 from auroraqd.runs import folders
 from auroraqd.runs.snapshots import Snapshot, load_snapshots
 from auroraqd.runs.state import settings_of
 
 _NEIGHBOURS = 15
-_BYTES = 7_000_000  # of what is observed, in a page
 
 
 @dataclass(frozen=True)
@@ -113,20 +111,9 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         share: of the bytes of a page that are for this run.
     """
     repertoire, config = source.repertoire, _config(source.repertoire)
-    stream = worth_showing(repertoire.observation)
-    observation = streams_of(repertoire.observation)[stream]
-    sight = Sight.of(observation.shape[1:], observation.dtype)
-    decode = _decode(repertoire, sight, stream)
-    whole = decoder(decode, repertoire.descriptor) if decode else None
-    affine = whole is not None and whole["kind"] == "affine"
-    bytes_each = sight.features * ((1 if sight.kind == "image" else 2) + (0 if affine or decode is None else 1))
-    rows = _some(len(repertoire), min(most, max(int(share * _BYTES / bytes_each), 1)))
-    observed = table(sight.seen(observation[rows]), np.uint8 if sight.kind == "image" else None)
-    if sight.kind == "image":  # or each pixel would have its own scale
-        observed = _one_scale(sight.seen(observation[rows]))
-    differences = None
-    if decode and not affine:
-        differences = table(decode(repertoire.descriptor[rows]) - back(observed), np.int8)
+    views = [View.of(repertoire, stream) for stream in by_worth(repertoire.observation)]
+    rows = _some(len(repertoire), min(most, max(int(share * BYTES / views[0].bytes_each), 1)))
+    shown = [view for view, fits in zip(views, fitting(views, len(rows), share), strict=True) if fits]
     spaces = _spaces(repertoire, config, rows)
     placed, places = _place(spaces)
     return {
@@ -143,11 +130,8 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         "placed": placed,
         "places": places,
         "moments": moments(source.snapshots, spaces, placed),
-        "sight": {"kind": sight.kind, "shape": list(sight.shape), "given": list(sight.given)},
-        "observed": observed,
-        "decoder": whole,
-        "differences": differences,
-        "stage": stage_of(config, repertoire, sight, observation),
+        "streams": {view.stream: view.content(repertoire, config, rows) for view in shown},
+        "left_out": [view.stream for view in views if view not in shown],
         "facts": _facts(repertoire, config),
     }
 
@@ -167,24 +151,6 @@ def _some(n: int, most: int) -> np.ndarray:
 def _middle(descriptor: np.ndarray) -> int:
     """The skill to begin with: one of the usual."""
     return int(np.argmin(np.abs(descriptor - descriptor.mean(axis=0)).sum(axis=1)))
-
-
-def _decode(repertoire: Repertoire, sight: Sight, stream: str) -> Any:
-    """From descriptors to what is seen there; None where the descriptor cannot reconstruct, or not here."""
-
-    def decode(places: np.ndarray) -> np.ndarray:
-        return sight.seen(streams_of(repertoire.reconstruct(places))[stream])
-
-    try:
-        return decode if np.isfinite(decode(repertoire.descriptor[:1])).all() else None
-    except (RuntimeError, ValueError):
-        return None
-
-
-def _one_scale(pixels: np.ndarray) -> dict[str, Any]:
-    flat = table(pixels.reshape(-1, 1), np.uint8)
-    columns = pixels.shape[1]
-    return {"values": flat["values"].reshape(pixels.shape), "low": flat["low"] * columns, "step": flat["step"] * columns}
 
 
 def _spaces(repertoire: Repertoire, config: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:
