@@ -55,7 +55,8 @@ def test_run_leaves_what_it_promises(run_folder):
     names = {str(path.relative_to(run_folder)) for path in run_folder.rglob("*") if path.is_file()}
     figures = {f"figures/{name}.{suffix}" for name in ("repertoire", "history", "skills") for suffix in ("png", "svg")}
     checkpoints = {"repertoire.safetensors", "repertoire.previous.safetensors"}
-    assert names == {".lock", "config.json", "history.csv"} | checkpoints | figures
+    snapshots = {"snapshots/00000001.safetensors"}
+    assert names == {".lock", "config.json", "history.csv"} | checkpoints | snapshots | figures
     assert len(auroraqd.load(run_folder)) > 100
     assert folders.load_history(run_folder)[-1].evaluations == 1500
     assert folders.load_config(run_folder)["seed"] == 4

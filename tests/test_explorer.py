@@ -1,6 +1,7 @@
 """The explorer: what is in a page, and what the page does in a browser, where there is one."""
 
 import csv
+import dataclasses
 import io
 import json
 import shutil
@@ -29,8 +30,9 @@ WAIT = 60  # seconds, on a machine that has much else to do
 def folder(tmp_path_factory):
     """A run of the arm and the puck."""
     task = auroraqd.tasks.AirHockey()
-    aurora = auroraqd.Aurora(8, PCA(2), seed=0, batch_size=100).run(task, generations=6)
-    return auroraqd.save(aurora, tmp_path_factory.mktemp("explorer") / "hockey")
+    place = tmp_path_factory.mktemp("explorer") / "hockey"
+    aurora = auroraqd.Aurora(8, PCA(2), seed=0, batch_size=100, schedule=auroraqd.Every(2))
+    return auroraqd.save(aurora.run(task, generations=6, callback=auroraqd.Snapshots(place)), place)
 
 
 def found(task, descriptor, n_genes=2, generations=2, **options):
@@ -113,16 +115,35 @@ def test_many_skills_are_thinned_and_large_observations_too(folder):
     assert len(some["rows"]) == 20 < some["total"] == len(source.repertoire)
     np.testing.assert_array_equal(some["id"], source.repertoire.id[some["rows"]])
     pictures = found(lambda g: np.repeat(g[:, :1], 3072, axis=1).reshape(-1, 32, 32, 3), "genotype")
-    assert len(content(source_of(pictures), 1000, share=0.01)["rows"]) == 7_000_000 // 100 // 3072
+    assert len(content(source_of(pictures), 1000, share=0.01)["rows"]) == 70_000 // 3072
 
 
 def test_a_run_a_repertoire_and_a_folder_give_the_same_skills(folder):
     aurora = auroraqd.resume(folder)
     contents = [content(source_of(run), 1000) for run in (folder, aurora, auroraqd.load(folder))]
-    for other in contents[1:]:
+    seen = [each["streams"]["observation"] for each in contents]
+    for other, each in zip(contents[1:], seen[1:], strict=True):
         np.testing.assert_array_equal(other["id"], contents[0]["id"])
-        np.testing.assert_array_equal(other["observed"]["values"], contents[0]["observed"]["values"])
-        np.testing.assert_array_equal(other["decoder"]["matrix"], contents[0]["decoder"]["matrix"])
+        np.testing.assert_array_equal(each["observed"]["values"], seen[0]["observed"]["values"])
+        np.testing.assert_array_equal(each["decoder"]["matrix"], seen[0]["decoder"]["matrix"])
+
+
+def test_snapshots_are_thinned_to_what_a_page_can_hold(folder):
+    source = source_of(folder)
+    assert [each.moment for each in source.snapshots] == ["after", "before", "after", "before", "after"]
+    many = [each._replace(generation=number) for number, each in enumerate([source.snapshots[0]] + source.snapshots[1:3] * 100)]
+    kept = content(dataclasses.replace(source, snapshots=many), 1000)["moments"]
+    assert len(kept) == 47
+    assert (kept[0]["generation"], kept[-1]["generation"]) == (0, 200)
+    assert [each["moment"] for each in kept] == ["after"] + ["before", "after"] * 23
+
+
+def test_places_of_another_time_are_those_of_the_snapshot(folder):
+    source = source_of(folder)
+    for kept, snapshot in zip(content(source, 1000)["moments"], source.snapshots, strict=True):
+        np.testing.assert_array_equal(kept["id"], snapshot.id)
+        for name, wanted in (("descriptor", snapshot.descriptor), ("truth", snapshot.ground_truth)):
+            np.testing.assert_allclose(back(kept["places"][name]), wanted, atol=np.ptp(wanted) / 60_000)
 
 
 def test_what_cannot_be_explored_is_said(folder, tmp_path):
@@ -389,6 +410,47 @@ def test_colours_and_looks(page):
     assert page.troubles() == []
 
 
+SLIDE = (
+    "const m = document.getElementById('moment'); m.value = arguments[0] < 0 ? m.max : arguments[0];"
+    "m.dispatchEvent(new Event('input'));"
+)
+THEN = (
+    "const r = Bokeh.documents[0].roots()[arguments[0]].renderers.find((r) => r.name === arguments[1]);"
+    "return [r.visible, Array.from(Object.values(r.data_source.data)[0]).length]"
+)
+
+
+def test_the_slider_goes_through_the_updates(page, folder):
+    snapshots, repertoire = source_of(folder).snapshots, auroraqd.load(folder)
+    assert page.js("return document.getElementById('moment').max") == str(len(snapshots))
+    for number in (0, 3):
+        snapshot = snapshots[number]
+        page.js(SLIDE, number)
+        said = f"generation {snapshot.generation}, {snapshot.moment} an update: {snapshot.size:,} skills"
+        assert page.text("when").startswith(said)
+        for plot in range(3):
+            assert page.js(THEN, plot, "then") == [True, len(snapshot.id)]
+            assert page.js(THEN, plot, "points")[0] is False
+    stays = np.flatnonzero(np.isin(snapshots[3].id, repertoire.id))[4]
+    page.mouse("mouseMoved", page.place(0, *map(float, snapshots[3].descriptor[stays])))
+    page.until(f"return explorer.data().runs[0].id[explorer.state.skill] === {snapshots[3].id[stays]}")
+    page.js("explorer.tap('map0', {x: 99, y: 99})")  # what was expected there is not known
+    page.js(SLIDE, -1)
+    assert page.text("when") == f"now: {len(repertoire):,} skills"
+    assert page.js(THEN, 0, "then") == [False, 0]
+    assert page.js(THEN, 0, "points")[0] is True
+    assert page.troubles() == []
+
+
+def test_the_slider_by_keys(page):
+    slider = page.driver.find_element("id", "moment")
+    most = page.js("return Number(arguments[0].max)", slider)
+    slider.send_keys("\ue012")  # to the left
+    page.until(f"return explorer.state.moment === explorer.data().runs[0].moments[{most - 1}]")
+    slider.send_keys("\ue014")
+    page.until("return explorer.state.moment === null")
+
+
 def test_runs_beside_each_other(folder, browser, tmp_path):
     browser.open(explore([folder, folder], tmp_path / "two.html"))
     repertoire = auroraqd.load(folder)
@@ -405,7 +467,58 @@ def test_odd_runs_have_a_page(kind, browser, tmp_path):
     aurora = ODD[kind]()
     browser.open(explore(aurora, tmp_path / "odd.html"))
     assert browser.js("return explorer.data().runs[0].rows.length") == len(aurora.archive)
+    assert browser.js("return document.getElementById('time').hidden")  # it has no snapshots
     browser.js("explorer.tap('map0', {x: 0.1, y: 0.1}); explorer.move('map0', {x: 0.3, y: 0.2});")
+    assert browser.troubles() == []
+
+
+def streams(genotypes):
+    camera = (255 * np.tile(genotypes[:, :1, None], (1, 12, 16))).astype(np.uint8)
+    return {"camera": camera, "path": np.tile(genotypes[:, None], (1, 20, 1)), "joints": np.tile(genotypes, 3)}
+
+
+def test_any_stream_can_be_seen(browser, tmp_path):
+    aurora = found(streams, PCA(2), resolution=auroraqd.Fixed(0.05))
+    browser.open(explore(aurora, tmp_path / "streams.html"))
+    choose = "const s = document.getElementById('stream'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));"
+    for k, (name, pictures) in enumerate({"path": 0, "camera": 2, "joints": 0}.items()):
+        browser.js(choose, k)
+        assert browser.js("return document.getElementById('stream').selectedOptions[0].text") == name
+        assert browser.js("return document.querySelectorAll('aside .pictures canvas').length") == pictures
+        assert (
+            browser.js("return explorer.data().runs[0].sight.kind")
+            == {"path": "path", "camera": "image", "joints": "series"}[name]
+        )
+        browser.js("Bokeh.documents[0].roots()[0].renderers[0].data_source.selected.indices = [0, 1]")
+        kept = json.loads(browser.saved("json"))["skills"][1]
+        wanted = aurora.archive.observation[name][int(kept["row"])].ravel()
+        np.testing.assert_allclose(kept["observation"], wanted, atol=0.6 if name == "camera" else 1e-4)
+    assert browser.troubles() == []
+
+
+def test_a_stream_for_which_there_is_no_room_is_left_out():
+    source = source_of(found(streams, "genotype"))
+    assert list(content(source, 1000)["streams"]) == ["path", "camera", "joints"]
+    few = content(source, 1000, share=len(source.repertoire) * 100 / 7e6)  # a path has 80 bytes, an image 192, joints 12
+    assert (list(few["streams"]), few["left_out"]) == (["path", "joints"], ["camera"])
+
+
+def test_genes_that_are_called_like_other_columns_keep_theirs(browser, tmp_path):
+    def task(genotypes):
+        return genotypes[:, 0], genotypes
+
+    task.genes = auroraqd.tasks.Genes(fitness=(0, 9), observation=(0, 5))
+    aurora = found(task, "genotype")
+    browser.open(explore(auroraqd.save(aurora, tmp_path / "run"), tmp_path / "same.html"))
+    browser.js("Bokeh.documents[0].roots()[0].renderers[0].data_source.selected.indices = [3]")
+    for kept in (next(csv.DictReader(io.StringIO(browser.saved("csv")))), json.loads(browser.saved("json"))["skills"][0]):
+        fitness, genes = aurora.archive.fitness[3], aurora.archive.genotype[3]
+        np.testing.assert_allclose(float(kept["fitness"]), fitness, rtol=1e-5)
+        np.testing.assert_allclose(float(kept["fitness (gene)"]), 9 * genes[0], rtol=1e-5)
+        np.testing.assert_allclose(float(kept["observation (gene)"]), 5 * genes[1], rtol=1e-5)
+    np.testing.assert_allclose(kept["observation"], aurora.archive.observation[3], rtol=1e-5)
+    names = browser.js("return [...document.getElementById('colour').options].map((o) => o.text)")
+    assert {"fitness", "fitness (gene)"} <= set(names)
     assert browser.troubles() == []
 
 

@@ -220,6 +220,7 @@ def calls(folder):
         "Repertoire.sample": Call(lambda: repertoire.sample, {"n": 2}),
         "Repertoire.outlying": Call(lambda: repertoire.outlying, {}),
         "Repertoire.evaluate": Call(lambda: repertoire.evaluate, {"task": circle, "rows": [0, 1]}),
+        "Repertoire.plot": Call(lambda: repertoire.plot, {}),
         "Repertoire.to_pandas": Call(lambda: repertoire.to_pandas, {}),
         "Adaptation": Call(lambda: auroraqd.Adaptation, {"space": GOOD, "promise": GOOD[:, 0]}),
         "Adaptation, goal": Call(
@@ -229,6 +230,7 @@ def calls(folder):
         "Adaptation.ask": Call(of(auroraqd.Adaptation(GOOD, GOOD[:, 0]), "ask"), {}),
         "Adaptation.predict": Call(of(auroraqd.Adaptation(GOOD, GOOD[:, 0]), "predict"), {}),
         "Checkpoints": Call(lambda: auroraqd.Checkpoints, {"aurora": aurora, "folder": folder}),
+        "Snapshots": Call(lambda: auroraqd.Snapshots, {"folder": "run"}),
         "save": Call(lambda: auroraqd.save, {"aurora": asked(), "folder": "run"}),
         "load": Call(lambda: auroraqd.load, {"folder": folder}),
         "resume": Call(

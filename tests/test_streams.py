@@ -284,12 +284,12 @@ def test_an_archive_takes_them():
 
 def test_the_explorer_shows_a_path_before_others(tmp_path):
     pytest.importorskip("bokeh")
-    from auroraqd.report.explorer.sights import worth_showing
+    from auroraqd.report.explorer.sights import by_worth
 
     aurora = made().run(robot, generations=3)
-    assert worth_showing(aurora.archive.observation) == "path"
+    assert by_worth(aurora.archive.observation)[0] == "path"
     streams = {name: aurora.archive.observation[name] for name in ("joints", "camera")}
-    assert worth_showing(joined(streams)) == "camera"
+    assert by_worth(joined(streams)) == ["camera", "joints"]
     report.explore(aurora, tmp_path / "skills.html")
     assert (tmp_path / "skills.html").stat().st_size > 10_000
 

@@ -16,6 +16,7 @@ from .emitters.variation import Gaussian, IsoLine, Polynomial
 from .repertoire import Repertoire
 from .runs.checkpoints import Checkpoints
 from .runs.folders import load, resume, save
+from .runs.snapshots import Snapshots
 from .tasks import Evaluation, TaskError
 
 __version__: str
@@ -45,6 +46,7 @@ __all__ = [
     "Polynomial",
     "Repertoire",
     "Size",
+    "Snapshots",
     "Streams",
     "Surprise",
     "TaskError",

@@ -56,8 +56,13 @@ def folder_at(path: Path) -> Path:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Any]:
+def replacing(path: Path, *, lasting: bool = True) -> Iterator[Any]:
     """A binary file that takes the place of `path` when it is complete and on disk, and not before.
+
+    Args:
+        path: of the file.
+        lasting: whether to wait until it is on disk. What is not waited for survives the end of the process, and may be lost,
+            or damaged, where the machine itself stops.
 
     Raises:
         OSError: it cannot be written; what was there before stays.
@@ -66,8 +71,9 @@ def replacing(path: Path) -> Iterator[Any]:
     try:
         with temporary.open("wb") as file:
             yield file
-            file.flush()
-            os.fsync(file.fileno())
+            if lasting:
+                file.flush()
+                os.fsync(file.fileno())
         temporary.replace(path)
     except BaseException as error:
         with contextlib.suppress(OSError):
@@ -75,7 +81,8 @@ def replacing(path: Path) -> Iterator[Any]:
         if isinstance(error, OSError) and error.filename in (None, str(temporary)):  # not of another file
             raise told(error, f"{path} could not be written") from error
         raise
-    _sync_folder(path.parent)
+    if lasting:
+        _sync_folder(path.parent)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -34,6 +34,7 @@ from auroraqd._checks import (
     whole_numbers,
 )
 from auroraqd._interrupts import uninterrupted
+from auroraqd._notebooks import card, facts_of
 from auroraqd.archives.base import INVALID, NEW, REJECTED, REPLACED, Archive, Info
 from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.control.resolution import VAT, Automatic
@@ -173,6 +174,19 @@ class Aurora:
 
     def __repr__(self) -> str:
         return f"Aurora(generation={self.generation}, evaluations={self.evaluations}, archive={self.archive!r})"
+
+    def _repr_html_(self) -> str:
+        last, l = self.history.last, getattr(self.archive, "l", None)
+        facts = {
+            "described by": f"{self.descriptor}".strip("'"),
+            "seed": self.seed,
+            "generation": f"{self.generation:,}",
+            "evaluations": f"{self.evaluations:,}",
+            "archive": type(self.archive).__name__,
+            "l": None if l is None or l != l else f"{l:.4g}",
+            "RMSE": None if last is None or last.rmse != last.rmse else f"{last.rmse:.4f}",
+        }
+        return card("Aurora", {**facts, **facts_of(self.archive)}, "individuals", self.archive)
 
     @property
     def descriptor(self) -> Descriptor:

@@ -1,11 +1,15 @@
 """How a run went: one record a generation."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from auroraqd._checks import one_of
+from auroraqd._notebooks import card, figure_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Record(NamedTuple):
@@ -94,6 +98,18 @@ class History:
 
     def __repr__(self) -> str:
         return f"History of {len(self)} records, the last: {self._last}"
+
+    def _repr_html_(self) -> str:
+        last = self.last
+        known = {} if last is None else {name: value for name, value in last._asdict().items() if value == value}
+        facts = {
+            name.replace("_", " "): f"{value:,}" if isinstance(value, int) else f"{value:.4g}" for name, value in known.items()
+        }
+        return card(f"History of {len(self):,} records, the last:", facts, "history", self)
+
+    def plot(self) -> "Figure":
+        """Size, l and reconstruction error over generations: a figure of Matplotlib, which notebooks show."""
+        return figure_of("history_figure", self.records)
 
     def column(self, name: str) -> np.ndarray:
         """One field of all records, (records,).

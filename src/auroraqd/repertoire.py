@@ -23,17 +23,19 @@ from auroraqd._checks import (
     whole,
     whole_numbers,
 )
+from auroraqd._notebooks import card, facts_of, figure_of
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
 from auroraqd.individuals import KNOWN, Columns, Individuals, stored
 from auroraqd.observations import check_same_streams, has_streams, observations, streams_of
-from auroraqd.provenance import genes_in
+from auroraqd.provenance import called, genes_in, task_in
 from auroraqd.tasks import Evaluation, Genes, evaluated
 from auroraqd.tasks.noise import other_seeds, seeds_at
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 
 _MOST_TIMES = 10**6  # that a skill is evaluated again
@@ -150,6 +152,28 @@ class Repertoire(Individuals):
 
     def __repr__(self) -> str:
         return f"Repertoire of {len(self)} individuals, descriptors of {self.descriptor.shape[1]} dimensions"
+
+    def _repr_html_(self) -> str:
+        return card("Repertoire", {**self._run(), **facts_of(self)}, "individuals", self)
+
+    def _run(self) -> dict[str, Any]:
+        """What its run was, if it is known."""
+        try:
+            config = self.config
+            found = task_in(config)
+        except (OSError, ValueError, AttributeError):  # an origin of somebody's own
+            return {}
+        task = config.get("task") or (None if found is None else called(found))
+        return {"task": task, "described by": config.get("descriptor"), "seed": config.get("seed")}
+
+    def plot(self) -> Figure:
+        """Skills in descriptor space and ground truth, and what was observed: a figure of Matplotlib, which notebooks show.
+
+        Raises:
+            ValueError: the repertoire is empty.
+        """
+        self._check_any("draw")
+        return figure_of("repertoire_figure", self)
 
     @cached_property
     def config(self) -> dict[str, Any]:

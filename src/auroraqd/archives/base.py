@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from auroraqd._checks import finite_rows, mapping, numbers, numeric, shown, whole, whole_numbers
 from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
+from auroraqd._notebooks import card, facts_of
 from auroraqd.archives.population import Population, Rows
 from auroraqd.individuals import KNOWN, Columns, Individuals, check_dimensions, check_like, measured, stored
 
@@ -153,6 +154,12 @@ class Archive(Individuals, ABC):
 
     def __len__(self) -> int:
         return len(self._population)
+
+    def _repr_html_(self) -> str:
+        l = getattr(self, "l", None)
+        return card(
+            type(self).__name__, {"l": None if l is None or l != l else f"{l:.4g}", **facts_of(self)}, "individuals", self
+        )
 
     @property
     def columns(self) -> Columns:
@@ -394,7 +401,7 @@ class Archive(Individuals, ABC):
     def _rearrange(self, source: np.ndarray, new: Columns) -> None:
         """Keep the rows `source`, in this order, with new columns instead of those they had."""
         self._where.set(self.id, -1)
-        self._population.gather(source)
+        self._population.renew(source)
         self._population.drop("reconstruction_error")
         for name, rows in new.items():
             self._population.set(name, rows)

@@ -63,6 +63,14 @@ class Population:
             column[: len(source)] = column[source]
         self._size = len(source)
 
+    def renew(self, source: np.ndarray) -> None:
+        """As `gather`, into new arrays with as much room: who holds views of those before sees what there was."""
+        for name, column in self._columns.items():
+            room = np.empty_like(column)
+            np.take(column, source, axis=0, out=room[: len(source)], mode="clip")  # "raise" would copy once more
+            self._columns[name] = room
+        self._size = len(source)
+
     def set(self, name: str, rows: np.ndarray) -> None:
         """Replace a column, or create one, by an array of `len(population)` rows."""
         self._columns[name] = rows

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from auroraqd import __version__
-from auroraqd.cli import discover, reproduce, show
+from auroraqd.cli import discover, reproduce, show, watch
 from auroraqd.cli._shared import UserError, console, errors
 
 app = typer.Typer(
@@ -17,7 +17,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Let a robot find out by itself what it can do: Quality-Diversity with learned behavioural descriptors (AURORA).",
 )
-for command in (discover.run, discover.repeat, discover.resume, show.show, show.explore, show.animate, reproduce.reproduce):
+_runs = discover.run, discover.repeat, discover.resume
+for command in (*_runs, watch.watch, show.show, show.explore, show.animate, reproduce.reproduce):
     app.command()(command)
 
 

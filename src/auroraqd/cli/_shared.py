@@ -37,6 +37,9 @@ LogOption = Annotated[
         "mlflow:experiment=NAME,tracking_uri=URI. Several times for several.",
     ),
 ]
+SnapshotsOption = Annotated[
+    bool, typer.Option(help="Keep small snapshots at updates of the descriptor, which `auroraqd explore` shows over time.")
+]
 FiguresOption = Annotated[bool, typer.Option(help="Draw the figures at the end.")]
 
 

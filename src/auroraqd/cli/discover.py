@@ -20,6 +20,7 @@ from auroraqd.cli._shared import (
     LogOption,
     OverwriteOption,
     SchedulerOption,
+    SnapshotsOption,
     TimeoutOption,
     UserError,
     busy,
@@ -33,7 +34,6 @@ from auroraqd.cli.show import report
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
-    from auroraqd.callbacks.loggers import Logger
     from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
 
@@ -136,6 +136,7 @@ def run(
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     log: LogOption = None,
+    snapshots: SnapshotsOption = True,
     figures: FiguresOption = True,
 ) -> None:
     """Discover a repertoire of behaviours and keep it in a run folder.
@@ -168,7 +169,15 @@ def run(
         asynchronous=asynchronous,
     )
     out = out or Path("runs") / f"{settings.task_kind}-{settings.descriptor_kind}-{seed}"
-    _run(settings, out, overwrite, figures, checkpoint_every, spreading(jobs, scheduler, timeout), loggers(log))
+    _run(
+        settings,
+        out,
+        overwrite,
+        figures,
+        checkpoint_every,
+        spreading(jobs, scheduler, timeout),
+        _onlookers(log, snapshots, out),
+    )
 
 
 def repeat(
@@ -180,6 +189,7 @@ def repeat(
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     log: LogOption = None,
+    snapshots: SnapshotsOption = True,
     figures: FiguresOption = True,
 ) -> None:
     """Run again with the settings of a run folder, from the start; individuals that came one by one, in the same order."""
@@ -188,7 +198,7 @@ def repeat(
     settings = _settings_in(folder)
     events = load_events(folder) if settings.asynchronous else None
     spread_over = spreading(jobs, scheduler, timeout)
-    _run(settings, out, overwrite, figures, checkpoint_every, spread_over, loggers(log), events=events)
+    _run(settings, out, overwrite, figures, checkpoint_every, spread_over, _onlookers(log, snapshots, out), events=events)
 
 
 def resume(
@@ -215,6 +225,7 @@ def resume(
     timeout: TimeoutOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     log: LogOption = None,
+    snapshots: SnapshotsOption = True,
     figures: FiguresOption = True,
 ) -> None:
     """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
@@ -223,7 +234,7 @@ def resume(
     """
     from auroraqd.runs import folders
 
-    logs, spread_over = loggers(log), spreading(jobs, scheduler, timeout)
+    logs, spread_over = _onlookers(log, snapshots, folder), spreading(jobs, scheduler, timeout)
     if "task" not in (config := folders.load_config(folder)):  # it was saved from Python
         found, aurora, plan = _saved_from_python(folder, config, generations, task, trusted or (), any_environment)
         return _grow(found, aurora, plan, folder, figures, checkpoint_every, spread_over, logs)
@@ -291,6 +302,13 @@ def _check_goes_on(name: str, task: Any, aurora: "Aurora", folder: Path, generat
         )
 
 
+def _onlookers(log: list[str] | None, snapshots: bool, folder: Path) -> list[Any]:
+    """The callbacks that the options ask for."""
+    from auroraqd.runs.snapshots import Snapshots
+
+    return [*loggers(log), *([Snapshots(folder)] if snapshots else [])]
+
+
 def _plan(settings: "Settings") -> _Plan:
     of = settings
     return _Plan(
@@ -330,7 +348,7 @@ def _run(
     figures: bool,
     every: float = 10.0,
     spread_over: "Callable[[Any], Spread] | None" = None,
-    logs: "Sequence[Logger]" = (),
+    logs: Sequence[Any] = (),
     *,
     events: Any = None,
 ) -> None:
@@ -348,7 +366,7 @@ def _grow(
     figures: bool,
     every: float,
     spread_over: "Callable[[Any], Spread] | None",
-    logs: "Sequence[Logger]" = (),
+    logs: Sequence[Any] = (),
     *,
     overwrite: bool = False,
     events: Any = None,
@@ -361,6 +379,7 @@ def _grow(
     from auroraqd._compiled import compiling
     from auroraqd.callbacks.progress import RunProgress, training_told
     from auroraqd.runs.checkpoints import LOCK, Checkpoints
+    from auroraqd.runs.snapshots import remove_snapshots
 
     if plan.asynchronous and spread_over is None and events is None:
         raise UserError("an asynchronous run needs workers: give --jobs or --scheduler too")
@@ -379,6 +398,8 @@ def _grow(
         report=lambda text: errors.print(text, highlight=False),
     )
     with checkpoints:
+        if overwrite:
+            remove_snapshots(out)  # of the run that was there
         try:
             slow = "compiling kernels, which takes some 10 s the first time"
             with ExitStack() as said, compiling(lambda: said.enter_context(busy(slow, log=True))):

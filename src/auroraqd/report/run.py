@@ -21,7 +21,7 @@ from auroraqd.history import Record
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.scenes import scene_of, trajectories_of
 from auroraqd.report.skills import SHEET, skills_figure
-from auroraqd.report.style import STYLE, save_figure, scatter, trajectories, two_dimensional_colors
+from auroraqd.report.style import STYLE, Picture, save_figure, scatter, trajectories, two_dimensional_colors
 from auroraqd.runs import folders
 
 _MOST_TRAJECTORIES = 600
@@ -79,7 +79,7 @@ def repertoire_figure(repertoire: Repertoire) -> Figure:
     if trajectories_of(repertoire) is not None:
         panels.append(("Trajectories", _draw_trajectories))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4 * len(panels), 4.4), layout="constrained")
+        figure = Picture(figsize=(4.4 * len(panels), 4.4), layout="constrained")
         separator = "; " if len(panels) > 1 else "\n"  # one panel is not wide enough for a line
         figure.suptitle(f"{len(repertoire):,} individuals{separator}coloured by their place in {key}", fontsize=11)
         for axes, (title, draw) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
@@ -102,7 +102,7 @@ def fitness_figure(repertoire: Repertoire) -> Figure:
     low, high = np.quantile(repertoire.fitness, [0.01, 0.99])  # or one bad individual would take all of the colours
     scale = ScalarMappable(Normalize(low, high if high > low else low + np.ptp(repertoire.fitness)), "viridis")
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4 * len(panels) + 0.8, 4.4), layout="constrained")
+        figure = Picture(figsize=(4.4 * len(panels) + 0.8, 4.4), layout="constrained")
         places = figure.subplots(1, len(panels), squeeze=False)[0]
         for axes, (title, draw) in zip(places, panels, strict=True):
             axes.set_title(title)
@@ -127,7 +127,7 @@ def history_figure(records: Sequence[Record]) -> Figure:
     if not np.ptp(columns.get("mean_fitness", np.zeros(1))):  # a constant fitness, for pure exploration
         columns.pop("mean_fitness", None)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4 * max(len(columns), 1), 3.2), layout="constrained")
+        figure = Picture(figsize=(4.4 * max(len(columns), 1), 3.2), layout="constrained")
         panels = figure.subplots(1, max(len(columns), 1), squeeze=False)[0]
         for axes, (name, values) in zip(panels, columns.items(), strict=False):
             axes.plot(generation, values, color="#2646a0", linewidth=1.3)

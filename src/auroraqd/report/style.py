@@ -1,5 +1,6 @@
 """What all figures have in common: their look, their colours, how they are written."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,26 @@ STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "auroraqd",  # or the same run would give another file each time
 }
+
+
+class Picture(Figure):
+    """A figure that notebooks show, also where pyplot was never imported."""
+
+    def _repr_png_(self) -> bytes:
+        return png_of(self, self.dpi)
+
+
+def png_of(figure: Figure, dpi: float) -> bytes:
+    """A figure as PNG."""
+    before, content = (figure.dpi, figure.canvas), io.BytesIO()
+    figure.dpi = dpi
+    try:
+        with mpl.rc_context(STYLE):
+            FigureCanvasAgg(figure).print_png(content)
+    finally:
+        figure.dpi, canvas = before
+        figure.set_canvas(canvas)
+    return content.getvalue()
 
 
 def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:

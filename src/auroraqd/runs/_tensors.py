@@ -22,7 +22,7 @@ _OF = "/"  # between the name of an array and that of its stream
 _MOST_HEADER = 10**8  # bytes, as safetensors has it
 
 
-def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str) -> None:
+def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str, *, lasting: bool = True) -> None:
     """Write arrays, and a text with them, in place of a file that is there. Equal arrays give equal bytes.
 
     Args:
@@ -30,6 +30,7 @@ def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str) ->
         arrays: by name.
         form: the name of the format.
         text: anything.
+        lasting: see `auroraqd._files.replacing`.
 
     Raises:
         OSError: it cannot be written; what was there before stays.
@@ -38,7 +39,7 @@ def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str) ->
     # One entry of metadata: of several, safetensors does not keep the order.
     content = bytearray(save({**contiguous, _CHECKSUM: np.zeros(_DIGEST, np.uint8)}, {form: text}))
     content[_place(content, _header(content))] = _digest(content)
-    with replacing(path) as file:
+    with replacing(path, lasting=lasting) as file:
         file.write(content)
 
 
@@ -71,6 +72,24 @@ def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:
         return _together(arrays), metadata[form]
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def text(path: Path, form: str) -> str:
+    """The text of a file alone, without a look at its arrays.
+
+    Raises:
+        ValueError: there is none: it is damaged, or of another format.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+        if length > _MOST_HEADER:
+            raise ValueError(f"{path} is damaged: it is cut off")
+        header = json.loads(file.read(length))
+    try:
+        return header["__metadata__"][form]
+    except (KeyError, TypeError):
+        raise ValueError(f"{path} must be of the format {form!r}") from None
 
 
 def _apart(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

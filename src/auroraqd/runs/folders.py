@@ -5,6 +5,7 @@
     repertoire.safetensors            a checkpoint: the columns of the archive, the descriptor they were found with, and all
                                       else that the run needs to go on; with a checksum
     repertoire.previous.safetensors   the checkpoint before it, while there is one
+    snapshots/                        some of the skills at each update of the descriptor (`auroraqd.runs.snapshots`)
     figures/                          pictures
 
 Files are written beside their place, synced and moved there, so a crash leaves the old file or the new one, never half of

@@ -92,10 +92,14 @@ def _colour(runs: list[dict[str, Any]]) -> None:
     """Give skills their colours, by their places in all of the runs together."""
     from auroraqd.report.explorer.colours import place_colours
 
-    colours = place_colours(np.concatenate([run.pop("places") for run in runs]))
+    everywhere = np.concatenate([run.pop("places") for run in runs])
+    colours = place_colours(everywhere)
     ends = np.cumsum([len(run["rows"]) for run in runs])
     for run, own in zip(runs, np.split(colours, ends[:-1]), strict=True):
         run["place"] = own
+        for moment in run["moments"]:  # a place in the ground truth has one colour at all times
+            box = everywhere if run["placed"] == "ground truth" else None
+            moment["colours"] = place_colours(moment.pop("colours_by"), box)
 
 
 def _check(sources: "list[Source]") -> None:

@@ -8,14 +8,20 @@ _LIGHT = np.array([[118, 190, 250], [240, 140, 190], [250, 208, 66]])
 _UNKNOWN = 128
 
 
-def place_colours(places: np.ndarray) -> np.ndarray:
-    """Colours by the place, (n, 2) to (n,) uint32 as Bokeh takes them: red, green, blue, opacity. NaN is grey."""
+def place_colours(places: np.ndarray, box: np.ndarray | None = None) -> np.ndarray:
+    """Colours by the place, (n, 2) to (n,) uint32 as Bokeh takes them: red, green, blue, opacity. NaN is grey.
+
+    Args:
+        places: of which the ends of the colours are the ends.
+        box: others, (m, 2), whose ends are taken instead.
+    """
     colours = np.full((len(places), 3), float(_UNKNOWN))
     finite = np.isfinite(places).all(axis=1)
-    if finite.any():
-        inside = places[finite].astype(np.float64)
-        extent = np.ptp(inside, axis=0)
-        x, y = ((inside - inside.min(axis=0)) / np.where(extent > 0, extent, 1)).T
+    around = places if box is None else box
+    around = around[np.isfinite(around).all(axis=1)].astype(np.float64)
+    if finite.any() and len(around):
+        low, extent = around.min(axis=0), np.ptp(around, axis=0)
+        x, y = np.clip((places[finite].astype(np.float64) - low) / np.where(extent > 0, extent, 1), 0, 1).T
         low, high = (_across(x, row) for row in (_DARK, _LIGHT))
         colours[finite] = (1 - y[:, None]) * low + y[:, None] * high
     red, green, blue = np.round(colours).astype(np.uint32).T

@@ -30,17 +30,27 @@ def document(runs: Sequence[Mapping[str, Any]]) -> tuple[Document, list[dict[str
     spaces = ["truth"] if len(runs) > 1 else [space for space in ("descriptor", "truth", "genes") if space in runs[0]["spaces"]]
     maps, colors = [], LinearColorMapper(palette=PALETTE, low=0, high=1, nan_color="#888888")
     sources = [_points(run, spaces) for run in runs]
+    then = _empty("color", *(f"{space}_{axis}" for space in spaces for axis in "xy"))
     for number, run in enumerate(runs):
         for space in spaces:
-            name = f"map{len(maps)}"
-            maps.append({"run": number, "space": space, "figure": _map(name, sources[number], space, len(run["rows"]))})
+            plot = _map(f"map{len(maps)}", sources[number], space, len(run["rows"]))
+            if len(runs) == 1 and run["moments"]:
+                _add_then(plot, then, space, max(len(moment["id"]) for moment in run["moments"]))
+            maps.append({"run": number, "space": space, "figure": plot})
     if len(runs) > 1:
         x, y = (Range1d(start=low, end=high) for low, high in box(runs, spaces[0]))
         for each in maps:
             each["figure"].x_range, each["figure"].y_range = x, y
     bar = ColorBar(color_mapper=colors, visible=False, height=8, padding=4, background_fill_color=None)
     maps[0]["figure"].add_layout(bar, "below")
-    models: dict[str, Any] = {"maps": maps, "sources": sources, "colors": colors, "bar": bar, "palette": _numbers(PALETTE)}
+    models: dict[str, Any] = {
+        "maps": maps,
+        "sources": sources,
+        "colors": colors,
+        "bar": bar,
+        "then": then,
+        "palette": _numbers(PALETTE),
+    }
     models["lines"] = {"skill": _lines("skill"), "set": _lines("set")}
     for plot in [*(each["figure"] for each in maps), *models["lines"].values()]:
         document.add_root(plot)
@@ -80,18 +90,18 @@ def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
     plot = _plain(
         name, "pan,wheel_zoom,reset,save", output_backend="webgl", active_scroll="wheel_zoom", toolbar_location="above"
     )
-    size = float(np.clip(260 / max(n, 1) ** 0.5, 2.5, 9))
     points = plot.scatter(
         f"{space}_x",
         f"{space}_y",
         source=source,
-        size=size,
+        size=_size(n),
         line_color=None,
         fill_color="color",
         fill_alpha=0.9,
         nonselection_fill_alpha=_BACKED_OFF,
         nonselection_fill_color="color",
         name="points",
+        visible=False,  # until the page is laid out: each step of that would draw them, which takes long without a GPU
     )
     lasso = LassoSelectTool(persistent=False, continuous=False, renderers=[points])
     plot.add_tools(BoxSelectTool(persistent=False, renderers=[points]), lasso)
@@ -105,6 +115,17 @@ def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
     for event, function in ((MouseMove, "move"), (Tap, "tap")):
         plot.js_on_event(event, CustomJS(args={"name": name}, code=f"explorer.{function}(name, cb_obj)"))
     return plot
+
+
+def _size(n: int) -> float:
+    """Of n points, in pixels."""
+    return float(np.clip(260 / max(n, 1) ** 0.5, 2.5, 9))
+
+
+def _add_then(plot: Plot, source: ColumnDataSource, space: str, n: int) -> None:
+    """Skills as they were at another time, in place of those of now."""
+    look: dict[str, Any] = {"fill_color": "color", "fill_alpha": 0.9, "line_color": None, "size": _size(n)}
+    plot.scatter(f"{space}_x", f"{space}_y", source=source, visible=False, name="then", **look)
 
 
 def _lines(name: str) -> Plot:

@@ -8,8 +8,8 @@ window.explorer = (() => {
   const NEAR = 14; // pixels within which a click means a skill
   const LINES = 300, PICTURES = 48, FOUND = 12, ANCESTORS = 50; // that are shown of a set; that are found; on the maps
   const $ = (id) => document.getElementById(id);
-  const state = { run: 0, skill: -1, place: null, pins: [], set: null, playing: null };
-  let models, data, maps, ink;
+  const state = { run: 0, skill: -1, place: null, pins: [], set: null, playing: null, moment: null };
+  let models, data, maps, ink, shaded = null;
 
   // Tables: rows of numbers in few bytes.
   const width = (table) => table.values.shape[1];
@@ -66,19 +66,25 @@ window.explorer = (() => {
     if (rows(columns) || rows(source.data)) source.data = columns; // each change costs a frame some milliseconds
   }
 
-  const placeOn = (map, i) => ["x", "y"].map((axis) => models.sources[map.run].data[`${map.space}_${axis}`][i]);
+  const shownOn = (map) => (state.moment ? models.then : models.sources[map.run]).data;
+
+  /** Where a skill is on a map; NaN where it was not there at the time that is shown. */
+  function placeOn(map, i) {
+    const row = state.moment ? rowThen(data.runs[map.run].id[i]) : i;
+    return ["x", "y"].map((axis) => shownOn(map)[`${map.space}_${axis}`][row] ?? NaN);
+  }
 
   /** The skill that is nearest to a place of a map in pixels, of those that are `among`, and how far it is. */
   function nearest(map, x, y, among = () => true) {
     const { x_range, y_range, inner_width, inner_height } = map.figure;
     const [across, up] = [inner_width / (x_range.end - x_range.start), inner_height / (y_range.end - y_range.start)];
-    const source = models.sources[map.run].data, xs = source[`${map.space}_x`], ys = source[`${map.space}_y`];
+    const source = shownOn(map), xs = source[`${map.space}_x`], ys = source[`${map.space}_y`];
     let best = -1, least = Infinity;
     for (let i = 0; i < xs.length; i++) {
       const dx = (xs[i] - x) * across, dy = (ys[i] - y) * up, distance = dx * dx + dy * dy;
       if (distance < least && among(dx, dy, i)) { best = i; least = distance; }
     }
-    return { skill: best, distance: Math.sqrt(least) };
+    return { skill: state.moment ? skillOf(data.runs[map.run], state.moment.id[best]) : best, distance: Math.sqrt(least) };
   }
 
   function setAxes(map) {
@@ -91,8 +97,10 @@ window.explorer = (() => {
     mark();
   }
 
-  function label({ run, space, figure, shown: [x, y] }) {
+  function label({ run, space, figure, shown }) {
+    let [x, y] = shown;
     const names = columnNames(data.runs[run].spaces[space]);
+    if (state.moment) [x, y] = data.runs[run].spaces[space].shown;
     figure.below[0].axis_label = names[x];
     figure.left[0].axis_label = names.length > 1 ? names[y] : "";
   }
@@ -102,8 +110,15 @@ window.explorer = (() => {
     const found = new Map([[`place in ${data.runs[0].placed}`, null]]);
     for (const name of Object.keys(data.runs[0].values)) found.set(name, (run) => run.values[name]);
     for (const [space, { names }] of Object.entries(data.runs[0].spaces)) {
-      names.forEach((name, j) => { found.set(name, (run) => column(run, space, j)); });
+      names.forEach((name, j) => { found.set(free(found, name, space), (run) => column(run, space, j)); });
     }
+    return found;
+  }
+
+  /** The name of a column of a space, and of which space it is where others have that name: genes are called as their task likes. */
+  function free(taken, name, space) {
+    let found = name;
+    while (taken.has(found)) found += { descriptor: " (descriptor)", truth: " (ground truth)", genes: " (gene)" }[space];
     return found;
   }
 
@@ -123,6 +138,8 @@ window.explorer = (() => {
       if (!read) shades.set(data.runs[k].place);
       source.change.emit();
     });
+    shaded = read;
+    if (state.moment) models.then.data = { ...models.then.data, color: coloursThen() };
     drawSet();
   }
 
@@ -169,15 +186,65 @@ window.explorer = (() => {
 
   /** Those of which a skill is an offspring, as far as they are here, the nearest first; and why there are no more. */
   function ancestors(run, skill) {
-    run.index ??= new Map(Array.from(run.id, (id, i) => [id, i]));
     const chain = [];
     for (let i = skill; ;) {
       const parent = run.parent[i];
       if (parent < 0) return { chain, end: run.born[i] < 0 ? "unknown" : "random" };
-      if (!run.index.has(parent) || parent >= run.id[i]) return { chain, end: parent }; // a parent is older
-      i = run.index.get(parent);
+      if (skillOf(run, parent) < 0 || parent >= run.id[i]) return { chain, end: parent }; // a parent is older
+      i = skillOf(run, parent);
       chain.push(i);
     }
+  }
+
+  /** The skill of an id; -1 where it is not in the page. */
+  function skillOf(run, id) {
+    run.index ??= new Map(Array.from(run.id, (each, i) => [each, i]));
+    return run.index.get(id) ?? -1;
+  }
+
+  // Time: how the run was at its updates. The last place of the slider is what it is now, and no moment.
+  function rowThen(id) {
+    state.moment.index ??= new Map(Array.from(state.moment.id, (each, row) => [each, row]));
+    return state.moment.index.get(id);
+  }
+
+  function travel(k) {
+    const [run] = data.runs, before = state.moment;
+    state.moment = run.moments[k] ?? null;
+    state.place = null;
+    if (Boolean(before) !== Boolean(state.moment)) {
+      models.sources[0].selected.indices = [];
+      for (const map of maps) {
+        rendererOf(map.figure, "points").visible = !state.moment;
+        rendererOf(map.figure, "then").visible = Boolean(state.moment);
+        map.element.querySelectorAll("select").forEach((select) => { select.disabled = Boolean(state.moment); });
+        label(map);
+      }
+    }
+    models.then.data = state.moment ? columnsThen(run, state.moment) : Object.fromEntries(Object.keys(models.then.data).map((name) => [name, []]));
+    $("when").textContent = whenOf(run);
+    mark();
+  }
+
+  function columnsThen(run, moment) {
+    const columns = { color: coloursThen() };
+    for (const { space } of maps) for (const [j, axis] of ["x", "y"].entries()) {
+      const name = `${space}_${axis}`, table = moment.places[space], now = models.sources[0].data[name];
+      columns[name] = Float32Array.from(moment.id, (id, row) => (table ? entry(table, row, j) : now[skillOf(run, id)] ?? NaN)); // genes do not change
+    }
+    return columns;
+  }
+
+  /** Colours by place; or by a number, of those that are still there. */
+  function coloursThen() {
+    const { id, colours } = state.moment, [run] = data.runs, now = models.sources[0].data.color;
+    return shaded ? colours.map((_, row) => now[skillOf(run, id[row])] ?? 0x888888ff) : colours;
+  }
+
+  function whenOf(run) {
+    if (!state.moment) return `now: ${run.total.toLocaleString("en")} skills`;
+    const { generation, moment, size, l } = state.moment;
+    return `generation ${generation.toLocaleString("en")}${moment ? `, ${moment} an update` : ""}: ${size.toLocaleString("en")} skills${l === null ? "" : `, l ${number(l)}`}`;
   }
 
   // A skill.
@@ -216,6 +283,7 @@ window.explorer = (() => {
   function draw(part, figure, run, entries) {
     const image = run.sight.kind === "image";
     part.querySelector(".lines").hidden = image;
+    part.querySelector(".pictures").replaceChildren();
     if (image) {
       part.querySelector(".pictures").replaceChildren(...entries.map((each) => picture(run, each)));
       return;
@@ -402,23 +470,27 @@ window.explorer = (() => {
     return `import numpy as np, auroraqd; skills = ${code}; rows = np.flatnonzero(np.isin(skills.id, [${ids}]))`;
   }
 
-  /** The skills of the set as objects of their numbers. */
-  function records() {
-    const { run: k, indices } = state.set, run = data.runs[k];
-    return indices.map((i) => ({
-      row: run.rows[i], id: run.id[i], parent: run.parent[i], born: run.born[i],
-      ...Object.fromEntries(Object.entries(run.values).filter(([name]) => name !== "born").map(([name, values]) => [name, values[i]])),
-      ...Object.fromEntries(Object.values(run.spaces).flatMap(({ names, table }) => names.map((name, j) => [name, entry(table, i, j)]))),
-    }));
+  /** The columns of an export: name to a function from a skill to its number. */
+  function columnsOf(run) {
+    const columns = new Map(Object.entries({ row: run.rows, id: run.id, parent: run.parent, born: run.born, ...run.values })
+      .map(([name, values]) => [name, (i) => values[i]]));
+    columns.set("born", (i) => run.born[i]); // as a whole number
+    const taken = new Set([...columns.keys(), "observation"]);
+    for (const [space, { names, table }] of Object.entries(run.spaces)) names.forEach((name, j) => {
+      const own = free(taken, name, space);
+      taken.add(own);
+      columns.set(own, (i) => entry(table, i, j));
+    });
+    return columns;
   }
 
   function save(kind) {
-    const rows = records(), quoted = (text) => `"${String(text).replaceAll('"', '""')}"`;
-    const run = data.runs[state.set.run];
+    const run = data.runs[state.set.run], { indices } = state.set, columns = columnsOf(run), names = [...columns.keys()];
+    const quoted = (text_) => `"${text_.replaceAll('"', '""')}"`, valuesOf = (i) => [...columns.values()].map((of) => of(i));
     const text = kind === "csv"
-      ? [Object.keys(rows[0]).map(quoted), ...rows.map((row) => Object.values(row))].map((line) => `${line.join(",")}\n`).join("")
+      ? [names.map(quoted), ...indices.map(valuesOf)].map((line) => `${line.join(",")}\n`).join("")
       : JSON.stringify({ run: run.name, python: python(), observation_shape: run.sight.shape,
-        skills: rows.map((row, n) => ({ ...row, observation: [...rowOf(run.observed, state.set.indices[n])] })) });
+        skills: indices.map((i) => Object.fromEntries([...names.map((name, j) => [name, valuesOf(i)[j]]), ["observation", [...rowOf(run.observed, i)]]])) });
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([text], { type: kind === "csv" ? "text/csv" : "application/json" }));
     link.download = `skills.${kind}`;
@@ -507,8 +579,8 @@ window.explorer = (() => {
   /** What does not move: walls, or the ground. */
   function border(figure) {
     const { stage } = data.runs[0], [left, bottom] = stage?.low ?? [], [right, top] = stage?.high ?? [];
-    if (stage?.walls) fill(figure, "border", { x: [left, right, right, left, left], y: [bottom, bottom, top, top, bottom] });
-    if (stage?.ground) fill(figure, "border", { x: [left, right], y: [0, 0] });
+    const ground = stage?.ground ? { x: [left, right], y: [0, 0] } : { x: [], y: [] };
+    fill(figure, "border", stage?.walls ? { x: [left, right, right, left, left], y: [bottom, bottom, top, top, bottom] } : ground);
     [[figure.below[0], 0], [figure.left[0], 1]].forEach(([axis, k]) => { axis.axis_label = stage?.labels[k] ?? ""; });
   }
 
@@ -528,7 +600,37 @@ window.explorer = (() => {
     $("about").textContent = several
       ? data.runs.map((each) => `${each.name}: ${shown(each)}`).join(" · ")
       : [shown(run), ...run.facts.map(([name, value]) => `${name} ${value}`)].join(" · ");
-    $("wanted").placeholder = run.sight.kind === "path" ? "ends near (x, y); skill 17" : run.spaces.truth ? "truth near (a, b); skill 17" : "skill 17; id 17";
+  }
+
+  /** The streams of what was observed that all runs have, or just the first of each. */
+  function streamNames() {
+    const names = Object.keys(data.runs[0].streams).filter((name) => data.runs.every((run) => name in run.streams));
+    return names.length ? names : [null];
+  }
+
+  /** Show a stream of what was observed: how, and on which stage. */
+  function take(name) {
+    stop();
+    for (const run of data.runs) Object.assign(run, run.streams[name] ?? Object.values(run.streams)[0]);
+    state.place = null;
+    const [{ sight, stage, spaces: { truth } }] = data.runs, last = sight.shape[0] - 1;
+    $("set").classList.toggle("equal", Boolean(stage?.equal));
+    $("step").max = last;
+    $("step").value = last;
+    $("wanted").placeholder = sight.kind === "path" ? "ends near (x, y); skill 17" : truth ? "truth near (a, b); skill 17" : "skill 17; id 17";
+    Object.values(models.lines).forEach((figure) => { border(figure); fit(figure); });
+  }
+
+  function offerStreams() {
+    const names = streamNames(), select = $("stream"), { left_out: leftOut } = data.runs[0];
+    $("streams").hidden = names.length + leftOut.length < 2;
+    options(select, names.map((name) => name ?? ""), 0, (k) => { take(names[k]); mark(); drawSet(); drawSkill(); });
+    for (const name of leftOut) {
+      const option = new Option(`${name}: too large beside so many skills`);
+      option.disabled = true;
+      select.append(option);
+    }
+    take(names[0]);
   }
 
   function listen() {
@@ -551,6 +653,7 @@ window.explorer = (() => {
     $("json").addEventListener("click", () => save("json"));
     $("copy").addEventListener("click", () => navigator.clipboard?.writeText(python()).then(() => say("Copied."), () => say(python())));
     $("clear").addEventListener("click", () => { models.sources.forEach((source) => { source.selected.indices = []; }); });
+    $("moment").addEventListener("input", () => travel(Number($("moment").value)));
     $("play").addEventListener("click", play);
     $("step").addEventListener("input", () => { stop(); animate(Number($("step").value)); });
     $("theme").addEventListener("click", () => theme(document.documentElement.dataset.theme !== "dark"));
@@ -567,17 +670,19 @@ window.explorer = (() => {
     const elements = document.querySelectorAll(".map");
     maps = models.maps.map((map, k) => ({ ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown] }));
     describe();
+    offerStreams();
+    const { moments } = data.runs[0], aged = data.runs.length === 1 && moments.length > 0;
+    for (const id of ["time", "aged"]) $(id).hidden = !aged;
+    Object.assign($("moment"), { max: moments.length, value: moments.length });
+    $("when").textContent = whenOf(data.runs[0]);
     dress();
     maps.forEach(label);
     listen();
     if (matchMedia("(pointer: coarse)").matches) maps.forEach(({ figure }) => { figure.toolbar.active_drag = null; }); // or one could not scroll
-    $("set").classList.toggle("equal", Boolean(data.runs[0].stage?.equal));
-    $("step").max = data.runs[0].sight.shape[0] - 1;
-    $("step").value = $("step").max;
-    Object.values(models.lines).forEach((figure) => { border(figure); fit(figure); });
     drawSet();
     show(0, data.runs[0].first);
-    document.documentElement.dataset.ready = Math.round(performance.now());
+    for (const { figure } of maps) rendererOf(figure, "points").visible = true;
+    requestAnimationFrame(() => setTimeout(() => { document.documentElement.dataset.ready = Math.round(performance.now()); })); // drawn
   }
 
   const named = (name) => maps.find(({ figure }) => figure.name === name);
@@ -592,6 +697,7 @@ window.explorer = (() => {
     const map = named(name), { skill, distance } = nearest(map, x, y);
     if (skill < 0) return;
     if (distance <= NEAR) { pin(map.run, skill); return; }
+    if (state.moment) return; // the descriptor of then is not here
     show(map.run, skill, { map, at: [x, y], decoded: imagined(map, skill, x, y) });
   }
 
@@ -608,6 +714,17 @@ window.explorer = (() => {
     return decoded(run, place);
   }
 
+  /** Without a GPU, WebGL takes longer than the plain canvas, which Bokeh draws on where there is no WebGL. */
+  function preferPlainCanvas() {
+    const gl = document.createElement("canvas").getContext("webgl"), info = gl?.getExtension("WEBGL_debug_renderer_info");
+    if (gl && !/swiftshader|llvmpipe|software|basic render/i.test(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER))) return;
+    const { getContext } = HTMLCanvasElement.prototype;
+    HTMLCanvasElement.prototype.getContext = function context(kind, ...options) {
+      return kind === "webgl" ? null : getContext.call(this, kind, ...options);
+    };
+  }
+
+  preferPlainCanvas();
   theme(matchMedia("(prefers-color-scheme: dark)").matches);
   return { start, move, tap, state, data: () => data };
 })();

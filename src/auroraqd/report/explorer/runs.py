@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,18 +15,19 @@ from sklearn.neighbors import NearestNeighbors
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.history import History
-from auroraqd.observations import streams_of
 from auroraqd.provenance import called, task_in
 from auroraqd.repertoire import Repertoire
-from auroraqd.report.explorer.decoders import decoder
-from auroraqd.report.explorer.places import genes_of, stage_of, truth_names
-from auroraqd.report.explorer.sights import Sight, worth_showing
-from auroraqd.report.explorer.tables import back, single, table, wholes
+from auroraqd.report.explorer.moments import moments
+from auroraqd.report.explorer.places import genes_of, truth_names
+from auroraqd.report.explorer.sights import by_worth
+from auroraqd.report.explorer.spaces import space
+from auroraqd.report.explorer.tables import back, single, wholes
+from auroraqd.report.explorer.views import BYTES, View, fitting
 from auroraqd.runs import folders
+from auroraqd.runs.snapshots import Snapshot, load_snapshots
 from auroraqd.runs.state import settings_of
 
 _NEIGHBOURS = 15
-_BYTES = 7_000_000  # of what is observed, in a page
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,13 @@ class Source:
         repertoire: its skills.
         name: of the run.
         code: Python that loads the skills.
+        snapshots: how they were at updates.
     """
 
     repertoire: Repertoire
     name: str
     code: str
+    snapshots: Sequence[Snapshot] = ()
 
 
 def source_of(run: Any) -> Source:
@@ -61,7 +64,17 @@ def source_of(run: Any) -> Source:
     if not isinstance(run, str | os.PathLike):
         raise TypeError(f"run must be a run folder, an auroraqd.Aurora or an auroraqd.Repertoire, got {type(run).__name__}")
     path = Path(run)
-    return Source(folders.load(path), path.name or str(path.absolute().name), f"auroraqd.load({os.fspath(path)!r})")
+    repertoire, name = folders.load(path), path.name or str(path.absolute().name)
+    return Source(repertoire, name, f"auroraqd.load({os.fspath(path)!r})", _snapshots(path, repertoire))
+
+
+def _snapshots(path: Path, repertoire: Repertoire) -> list[Snapshot]:
+    """Those that are of the run as far as it has come."""
+    with suppress(OSError, ValueError):
+        last = repertoire.history.last
+        if last is not None:
+            return load_snapshots(path, repertoire._origin.seed(), last.generation)
+    return []
 
 
 def check_any(name: str, skills: int) -> None:
@@ -98,20 +111,9 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         share: of the bytes of a page that are for this run.
     """
     repertoire, config = source.repertoire, _config(source.repertoire)
-    stream = worth_showing(repertoire.observation)
-    observation = streams_of(repertoire.observation)[stream]
-    sight = Sight.of(observation.shape[1:], observation.dtype)
-    decode = _decode(repertoire, sight, stream)
-    whole = decoder(decode, repertoire.descriptor) if decode else None
-    affine = whole is not None and whole["kind"] == "affine"
-    bytes_each = sight.features * ((1 if sight.kind == "image" else 2) + (0 if affine or decode is None else 1))
-    rows = _some(len(repertoire), min(most, max(int(share * _BYTES / bytes_each), 1)))
-    observed = table(sight.seen(observation[rows]), np.uint8 if sight.kind == "image" else None)
-    if sight.kind == "image":  # or each pixel would have its own scale
-        observed = _one_scale(sight.seen(observation[rows]))
-    differences = None
-    if decode and not affine:
-        differences = table(decode(repertoire.descriptor[rows]) - back(observed), np.int8)
+    views = [View.of(repertoire, stream) for stream in by_worth(repertoire.observation)]
+    rows = _some(len(repertoire), min(most, max(int(share * BYTES / views[0].bytes_each), 1)))
+    shown = [view for view, fits in zip(views, fitting(views, len(rows), share), strict=True) if fits]
     spaces = _spaces(repertoire, config, rows)
     placed, places = _place(spaces)
     return {
@@ -127,11 +129,9 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         "values": _values(repertoire, rows),
         "placed": placed,
         "places": places,
-        "sight": {"kind": sight.kind, "shape": list(sight.shape), "given": list(sight.given)},
-        "observed": observed,
-        "decoder": whole,
-        "differences": differences,
-        "stage": stage_of(config, repertoire, sight, observation),
+        "moments": moments(source.snapshots, spaces, placed),
+        "streams": {view.stream: view.content(repertoire, config, rows) for view in shown},
+        "left_out": [view.stream for view in views if view not in shown],
         "facts": _facts(repertoire, config),
     }
 
@@ -153,34 +153,16 @@ def _middle(descriptor: np.ndarray) -> int:
     return int(np.argmin(np.abs(descriptor - descriptor.mean(axis=0)).sum(axis=1)))
 
 
-def _decode(repertoire: Repertoire, sight: Sight, stream: str) -> Any:
-    """From descriptors to what is seen there; None where the descriptor cannot reconstruct, or not here."""
-
-    def decode(places: np.ndarray) -> np.ndarray:
-        return sight.seen(streams_of(repertoire.reconstruct(places))[stream])
-
-    try:
-        return decode if np.isfinite(decode(repertoire.descriptor[:1])).all() else None
-    except (RuntimeError, ValueError):
-        return None
-
-
-def _one_scale(pixels: np.ndarray) -> dict[str, Any]:
-    flat = table(pixels.reshape(-1, 1), np.uint8)
-    columns = pixels.shape[1]
-    return {"values": flat["values"].reshape(pixels.shape), "low": flat["low"] * columns, "step": flat["step"] * columns}
-
-
 def _spaces(repertoire: Repertoire, config: Mapping[str, Any], rows: np.ndarray) -> dict[str, Any]:
     """The spaces in which skills are points: names of their columns, and which two are shown first."""
     descriptor, truth, genes = repertoire.descriptor, repertoire.ground_truth, genes_of(config, repertoire.genotype.shape[1])
-    spaces = {"descriptor": _space("Descriptor space", descriptor, rows, _numbered("descriptor", descriptor))}
+    spaces = {"descriptor": space("Descriptor space", descriptor, rows, _numbered("descriptor", descriptor))}
     if truth is not None:
         flat = truth.reshape(len(truth), -1).astype(np.float64)
-        spaces["truth"] = _space("Ground truth", flat, rows, truth_names(config, flat.shape[1]))
+        spaces["truth"] = space("Ground truth", flat, rows, truth_names(config, flat.shape[1]))
     values = repertoire.genotype if genes is None else genes.scale(repertoire.genotype)
     names = _numbered("gene", values) if genes is None else genes.names
-    spaces["genes"] = _space("Genes", values, rows, names) | {
+    spaces["genes"] = space("Genes", values, rows, names) | {
         "units": [""] * len(names) if genes is None else genes.units,
         "bounds": [[0, 1]] * len(names) if genes is None else genes.bounds.tolist(),
     }
@@ -189,22 +171,6 @@ def _spaces(repertoire: Repertoire, config: Mapping[str, Any], rows: np.ndarray)
 
 def _numbered(name: str, values: np.ndarray) -> list[str]:
     return [f"{name} {column + 1}" for column in range(values.shape[1])]
-
-
-def _space(title: str, values: np.ndarray, rows: np.ndarray, names: list[str]) -> dict[str, Any]:
-    space = {"title": title, "names": names, "table": table(values[rows]), "main": None, "shown": [0, min(1, len(names) - 1)]}
-    if len(names) > 2 and np.isfinite(values).all() and np.ptp(values, axis=0).any():
-        directions = _main_directions(values)
-        space["main"] = single((values[rows] - values.mean(axis=0)) @ directions.T)
-        space["shown"] = [len(names), len(names) + 1]
-        space["directions"] = directions.tolist()
-    return space
-
-
-def _main_directions(values: np.ndarray) -> np.ndarray:
-    """The two directions in which values, (n, columns), vary most, (2, columns)."""
-    _, directions = np.linalg.eigh(np.cov(values, rowvar=False))
-    return directions[:, :-3:-1].T
 
 
 def _values(repertoire: Repertoire, rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -13,10 +13,10 @@ _CHANNELS = (1, 3, 4)
 _MOST_SERIES = 12  # lines that the eye can tell apart
 
 
-def worth_showing(observation: np.ndarray) -> str:
-    """Which stream of an observation is shown: a path before an image, and that before others."""
+def by_worth(observation: np.ndarray) -> list[str]:
+    """The streams of an observation, the one that is shown first: a path before an image, and that before others."""
     kinds = {name: Sight.of(stream.shape[1:], stream.dtype).kind for name, stream in streams_of(observation).items()}
-    return min(kinds, key=lambda name: ("path", "image", "series").index(kinds[name]))
+    return sorted(kinds, key=lambda name: ("path", "image", "series").index(kinds[name]))
 
 
 @dataclass(frozen=True)
