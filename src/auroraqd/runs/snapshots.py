@@ -63,10 +63,6 @@ class Snapshots:
     A run whose descriptor is never updated has them at generations 0, 50, 150, 350, and so on. 64 are kept: of more, those go
     that are the closest to others.
 
-        aurora.run(task, generations=5000, callback=[auroraqd.Snapshots("runs/mine")])
-        auroraqd.save(aurora, "runs/mine")
-        auroraqd.report.explore("runs/mine")
-
     A run that goes on keeps those up to where it is; a run from the start, or of another seed, replaces them. A snapshot that
     cannot be written does not end the run: it says so once, in a warning.
 
@@ -76,6 +72,16 @@ class Snapshots:
 
     Raises:
         TypeError, ValueError: an argument is of the wrong kind or out of range.
+
+    Examples:
+        >>> import auroraqd
+        >>> from pathlib import Path
+        >>> from sklearn.decomposition import PCA
+        >>> aurora = auroraqd.Aurora(2, PCA(n_components=2), batch_size=50, seed=0)
+        >>> aurora = aurora.run(auroraqd.tasks.Ballistic(), generations=60, callback=auroraqd.Snapshots("runs/mine"))
+        >>> folder = auroraqd.save(aurora, "runs/mine")
+        >>> sorted(path.name for path in Path("runs/mine/snapshots").iterdir())
+        ['00000001.safetensors', '00000051.safetensors']
     """
 
     def __init__(self, folder: str | os.PathLike, *, most: int = 2000) -> None:
