@@ -1,10 +1,12 @@
-"""The explorer in Chromium: 20,000 skills of 100 numbers, the size of the file, the first paint, and how soon pointing answers.
+"""The explorer in Chromium: 20,000 skills of 100 numbers (or --skills of them), the size of the file, the first paint, when all
+points are drawn, and how soon pointing answers.
 
 Needs the extra `test`, and Chromium with chromedriver, of Debian's packages `chromium` and `chromium-driver` for instance. What
 it says depends on whether the machine has a GPU, and on what else it does. Pointing is measured from the time of the browser's
 own pointer event: until the panel has changed, and until the frame after that is drawn.
 """
 
+import argparse
 import shutil
 import tempfile
 import time
@@ -16,7 +18,7 @@ from sklearn.decomposition import PCA
 
 import auroraqd
 
-SKILLS, STEPS = 20_000, 50
+STEPS = 50
 POINTED = 60
 LISTEN = """window.times = []; let since = 0;
 document.addEventListener("pointermove", (event) => { since = event.timeStamp; }, true);
@@ -42,22 +44,22 @@ class Known:
         return auroraqd.history.History()
 
 
-def repertoire(transformer):
+def repertoire(transformer, n):
     """Skills of random walks, which no compression makes small."""
     rng = np.random.default_rng(0)
-    walks = np.cumsum(rng.normal(0, 0.05, (SKILLS, STEPS, 2)), axis=1)
+    walks = np.cumsum(rng.normal(0, 0.05, (n, STEPS, 2)), axis=1)
     aurora = auroraqd.Aurora(8, transformer, seed=0, prior=walks[:2000])
     columns = {
-        "genotype": rng.random((SKILLS, 8)),
-        "fitness": rng.random(SKILLS),
+        "genotype": rng.random((n, 8)),
+        "fitness": rng.random(n),
         "observation": walks,
         "descriptor": aurora.describe(walks),
         "ground_truth": walks[:, -1].copy(),
-        "curiosity": rng.random(SKILLS),
-        "reconstruction_error": rng.random(SKILLS),
-        "id": np.arange(SKILLS),
-        "born": np.arange(SKILLS),
-        "parent": (rng.random(SKILLS) * np.arange(SKILLS)).astype(np.int64) - 1,
+        "curiosity": rng.random(n),
+        "reconstruction_error": rng.random(n),
+        "id": np.arange(n),
+        "born": np.arange(n),
+        "parent": (rng.random(n) * np.arange(n)).astype(np.int64) - 1,
     }
     return auroraqd.Repertoire(columns, Known(aurora.descriptor))
 
@@ -72,7 +74,7 @@ def browser():
 
 
 def ready(driver, path):
-    """Milliseconds until the first paint, and until all is there."""
+    """Milliseconds until the first paint, and until all points are drawn."""
     driver.get(path.as_uri())
     while not driver.execute_script("return document.documentElement.dataset.ready"):
         time.sleep(0.05)
@@ -93,14 +95,17 @@ def pointing(driver):
 
 
 def main():
-    print(f"### The explorer, {SKILLS:,} skills of {2 * STEPS} numbers, in Chromium\n")
-    print("| descriptor | written, s | MB | first paint, ms | ready, ms | panel changed, ms (95%) | drawn, ms (95%) |")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--skills", type=int, default=20_000)
+    n = parser.parse_args().skills
+    print(f"### The explorer, {n:,} skills of {2 * STEPS} numbers, in Chromium\n")
+    print("| descriptor | written, s | MB | first paint, ms | all drawn, ms | panel changed, ms (95%) | drawn, ms (95%) |")
     print("|---|---|---|---|---|---|---|")
     driver = browser()
     try:
         with tempfile.TemporaryDirectory() as folder:
             for transformer in (PCA(n_components=2), auroraqd.AutoEncoder(n_components=2)):
-                skills, path = repertoire(transformer), Path(folder) / "skills.html"
+                skills, path = repertoire(transformer, n), Path(folder) / "skills.html"
                 since = time.perf_counter()
                 auroraqd.report.explore(skills, path)
                 written = time.perf_counter() - since

@@ -66,7 +66,8 @@ def _look(folder: Path, before: _Seen) -> _Seen:
     files = tuple(_written(folder / name) for name in (folders.HISTORY, folders.REPERTOIRE, folders.PREVIOUS))
     if files == before.files and not before.trouble:
         return before
-    found, trouble = {"files": files}, ""
+    found: dict[str, Any] = {"files": files}
+    trouble = ""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the checkpoint before the last is taken
         for name, read in (("config", folders.load_config), ("records", folders.load_history), ("skills", folders.load)):

@@ -169,8 +169,16 @@ def _read(path: Path, seed: int, until: int) -> Iterator[Snapshot]:
             return
         found = []
         for number, state in enumerate(values["moments"]):
-            rows = {name: arrays.get(f"{name}.{number}") for name in ("id", "descriptor", "ground_truth")}
-            snapshot = Snapshot(**{**state, "l": np.nan if state["l"] is None else state["l"]}, **rows)
+            snapshot = Snapshot(
+                generation=state["generation"],
+                evaluations=state["evaluations"],
+                moment=state["moment"],
+                size=state["size"],
+                l=np.nan if state["l"] is None else float(state["l"]),
+                id=arrays[f"id.{number}"],
+                descriptor=arrays[f"descriptor.{number}"],
+                ground_truth=arrays.get(f"ground_truth.{number}"),
+            )
             _check(snapshot)
             found.append(snapshot)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):

@@ -122,7 +122,7 @@ def _size(n: int) -> float:
     return float(np.clip(260 / max(n, 1) ** 0.5, 2.5, 9))
 
 
-def _add_then(plot: Plot, source: ColumnDataSource, space: str, n: int) -> None:
+def _add_then(plot: Any, source: ColumnDataSource, space: str, n: int) -> None:
     """Skills as they were at another time, in place of those of now."""
     look: dict[str, Any] = {"fill_color": "color", "fill_alpha": 0.9, "line_color": None, "size": _size(n)}
     plot.scatter(f"{space}_x", f"{space}_y", source=source, visible=False, name="then", **look)
