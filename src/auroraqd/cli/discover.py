@@ -277,8 +277,8 @@ def _saved_from_python(
             "--task mymodule:my_task, or go on with it from Python, by auroraqd.resume"
         )
     with busy("loading"), warnings_said():
-        found = Settings(task=named).build_task()
         aurora = folders.resume(folder, trusted=trusted, any_environment=any_environment)
+        found = Settings(task=named).build_task(aurora.n_genes)
         aurora.run(found, generations=0)  # says so if the code of the task has changed
     if generations is None:
         raise UserError(
@@ -293,7 +293,7 @@ def _saved_from_python(
 
 def _check_goes_on(name: str, task: Any, aurora: "Aurora", folder: Path, generations: int) -> None:
     """Make sure that a run can go on with a task, and has not come to its end."""
-    if getattr(task, "n_genes", None) != aurora.n_genes:
+    if getattr(task, "n_genes", aurora.n_genes) != aurora.n_genes:
         raise UserError(f"task {name} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
     if aurora.generation >= generations:
         raise UserError(

@@ -140,8 +140,14 @@ def _what_ran(config: Mapping[str, Any]) -> list[tuple[str, str]]:
     archive = config.get("archive")
     kind = archive.get("type") if isinstance(archive, dict) else None
     task = config.get("task") or (called(found) if (found := task_in(config)) else None)
-    words = [task, config.get("descriptor"), kind, f"seed {config.get('seed')}"]
+    emitters = [each for each in [config.get("emitter"), *_first_of_pairs(config.get("emitters"))] if isinstance(each, dict)]
+    makers = [str(each.get("type")) for each in emitters if each.get("type") != "Genetic"]
+    words = [task, config.get("descriptor"), kind, *makers, f"seed {config.get('seed')}"]
     return [("run", ", ".join(str(word) for word in words if word is not None))]
+
+
+def _first_of_pairs(pairs: Any) -> list[Any]:
+    return [pair[0] for pair in pairs if isinstance(pair, list) and pair] if isinstance(pairs, list) else []
 
 
 _LATEST = 20  # generations, for the error on individuals that are new

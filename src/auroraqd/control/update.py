@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd.descriptors.descriptor import Descriptor, DescriptorError
+from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Mismatch
 from auroraqd.descriptors.scaling import far_outside
 from auroraqd.individuals import Columns
 from auroraqd.observations import streams_of
@@ -77,7 +77,7 @@ def updated(
 
     Raises:
         RefusedUpdate: it would do harm.
-        DescriptorError: a descriptor that is not learned cannot describe.
+        DescriptorError: a descriptor that is not learned cannot describe, or one that is learned is for other observations.
     """
     called = f"on {individuals.rows:,} observations"
     try:
@@ -86,7 +86,7 @@ def updated(
             descriptor = descriptor.refitted(fitted["observation"], fitted.get("fitness"))
         values, error = descriptor.describe(individuals)
     except DescriptorError as error:
-        if not descriptor.learned:
+        if not descriptor.learned or isinstance(error, Mismatch):
             raise
         raise RefusedUpdate(f"{error} ({called})") from error
     if not np.isfinite(values).all():

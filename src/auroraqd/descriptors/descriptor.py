@@ -41,6 +41,10 @@ class DescriptorError(ValueError):
     """A descriptor cannot be fitted, or describes in a way that it must not. What was found before stays."""
 
 
+class Mismatch(DescriptorError):
+    """A descriptor is for other observations than the task gives: no more of them will mend that, so it is not tried again."""
+
+
 @runtime_checkable
 class Transformer(Protocol):
     """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions.
@@ -161,6 +165,8 @@ class Descriptor:
         x = x.reshape(joined.shape) if _natural(transformer) else x
         try:
             _solvers.fit(transformer, x, supervised.target(transformer, fitness))
+        except Mismatch:
+            raise
         except Exception as error:
             name = type(transformer).__name__
             raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._checks import mapping, number, numbers, shown
-from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Transformer
+from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Mismatch, Transformer
 from auroraqd.descriptors.scaling import Scaling
 from auroraqd.individuals import Columns
 from auroraqd.observations import (
@@ -138,12 +138,12 @@ class Streams:
         """Learn from observations of streams, (n,), or a mapping of them. `y` is passed over.
 
         Raises:
-            ValueError: they are not of the streams that there is something for.
-            DescriptorError: a transformer cannot be fitted.
+            ValueError: they are no numbers.
+            DescriptorError: they are not of the streams that there is something for, or a transformer cannot be fitted.
         """
         x = observations("x", x)
         if not has_streams(x):
-            raise ValueError("Streams must be fitted on streams, a mapping of names to arrays, got observations of one array")
+            raise Mismatch("Streams must be fitted on streams, a mapping of names to arrays, got observations of one array")
         self._check_names(list(streams_of(x)))
         parts = {}
         for name, transformer in self._transformers.items():
@@ -162,12 +162,13 @@ class Streams:
     def _check_names(self, names: list[str]) -> None:
         missing = [] if self.together is not None else [name for name in names if name not in self.each]
         if missing:
-            raise ValueError(
-                f"Streams must say how to describe {', '.join(missing)} (None leaves it out), of {', '.join(names)}"
+            known = f", got {', '.join(self.each)}"
+            raise Mismatch(
+                f"Streams must say how to describe {', '.join(missing)} (None leaves it out), of {', '.join(names)}{known}"
             )
         unknown = [name for name in [*self.each, *self.weights] if name not in names]
         if unknown:
-            raise ValueError(f"Streams must be of streams that are observed, {', '.join(names)}, got {', '.join(unknown)}")
+            raise Mismatch(f"Streams must be of streams that are observed, {', '.join(names)}, got {', '.join(unknown)}")
 
     @property
     def raw_(self) -> bool:

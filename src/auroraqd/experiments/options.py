@@ -12,8 +12,10 @@ from typing import Any
 from auroraqd._checks import whole
 
 
-def imported(module: str, name: str) -> Any:
+def imported(module: str, name: str, n_genes: int | None = None) -> Any:
     """A task of the user's own, from a module that is installed or in the current folder.
+
+    With `n_genes` known, it need not say how many there are.
 
     Raises:
         ValueError: it cannot be imported, is no task, or does not say how many genes it has.
@@ -42,6 +44,8 @@ def imported(module: str, name: str) -> Any:
         known = hasattr(task, "n_genes")
     except Exception as error:
         raise ValueError(f"n_genes of task {text} raised {type(error).__name__}: {error}") from None
+    if not known and n_genes is not None:
+        return task
     if not known:
         raise ValueError(f"task {text} must say how many genes it has: write {name}.n_genes = 8 in {module}, for instance")
     whole(f"n_genes of task {text}", getattr(task, "n_genes"))  # noqa: B009 - a function may have it
@@ -56,7 +60,7 @@ def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
     """
     kind = max((kind for kind in kinds if f"{text}:".startswith(f"{kind}:")), key=len, default=None)
     if kind is None:
-        raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {text.partition(':')[0]!r}")
+        raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {text!r}")
     options = text.removeprefix(kind).removeprefix(":")
     types = {f.name: f.type for f in fields(kinds[kind]) if isinstance(f.type, type)}  # others cannot be written
     given = {

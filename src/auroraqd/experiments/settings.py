@@ -307,13 +307,16 @@ class Settings:
         except TaskError as error:
             raise ValueError(str(error)) from error
 
-    def build_task(self) -> Any:
+    def build_task(self, n_genes: int | None = None) -> Any:
         """The task alone.
+
+        Args:
+            n_genes: of a run that it was in, where that is known: then a task of the user's own need not say it.
 
         Raises:
             ValueError: a task of the user's own cannot be imported, or does not say how many genes it has.
         """
-        return built("task", TASKS, self.task) if self._own is None else imported(*self._own)
+        return built("task", TASKS, self.task) if self._own is None else imported(*self._own, n_genes)
 
     def _transformer(self) -> Any:
         if self.descriptor == PCA:

@@ -38,7 +38,7 @@ class Sight:
     @classmethod
     def of(cls, shape: tuple[int, ...], dtype: Any) -> "Sight":
         """That of observations of this shape, (...), and dtype."""
-        if len(shape) == 2 and shape[0] > 1 and shape[1] == 2:
+        if len(shape) == 2 and shape[0] > 1 and shape[1] == 2 and np.dtype(dtype).kind != "b":  # two contacts are no place
             return cls("path", shape, shape)
         pixels = (*shape, 1) if len(shape) == 2 and (dtype == np.uint8 or shape[1] > _MOST_SERIES) else shape
         if len(pixels) == 3 and pixels[2] in _CHANNELS and min(pixels[:2]) > 1:
