@@ -551,20 +551,88 @@ def test_command_goes_on_with_a_task_of_a_script(tmp_path):
         "def robot(genotypes):\n"
         "    return genotypes[:, :, None] * [1.0, 2.0]\n"
         "robot.n_genes = 3\n"
+        "class Arm:\n"
+        "    n_genes = 3\n"
+        "    def __init__(self, length=1):\n"
+        "        self.length = length\n"
+        "    def __call__(self, genotypes):\n"
+        "        return robot(genotypes) * self.length\n"
         "def run(generations, out):\n"
         "    from mine import Own\n"
         "    auroraqd.save(auroraqd.Aurora(3, Own(2), seed=1, batch_size=20).run(robot, generations=generations), out)\n"
         "if __name__ == '__main__':\n"
         "    run(3, 'scripted')\n"
         "    run(6, 'alone')\n"
+        "    import mine\n"
+        "    auroraqd.save(auroraqd.Aurora(3, PCA(2), seed=1, batch_size=20).run(mine.Arm(5), generations=3), 'arm')\n"
     )
     commands.python("mine.py", cwd=tmp_path)
     said = command("resume", "scripted", "-n", 6, code=1, cwd=tmp_path)
     assert "its task cannot be imported from anywhere: say where it is, --task mymodule:my_task" in said
+    said = command("resume", "arm", "-n", 6, code=1, cwd=tmp_path)
+    assert "was made of mine:Arm with arguments that are not known" in said
     named = "resume", "scripted", "-n", 6, "--no-figures", "--task", "mine:robot"
     assert "--trusted" in command(*named, code=1, cwd=tmp_path)
     assert "Warning" not in command(*named, "--trusted", "mine.Own", cwd=tmp_path)  # it is the same code
     assert without_times(tmp_path / "scripted")[:2] == without_times(tmp_path / "alone")[:2]
+
+
+def test_individuals_told_in_parts_are_saved_at_the_end(tmp_path):
+    aurora = auroraqd.Aurora(2, "hand-coded", seed=0, batch_size=100)
+    with auroraqd.Checkpoints(aurora, tmp_path, every=1000) as checkpoints:
+        for part in range(19):
+            proposal = aurora.ask(10)
+            aurora.tell(*TASK(proposal.genotype), ticket=proposal.ticket)
+            if part == 9:
+                checkpoints()
+    again = auroraqd.resume(tmp_path)
+    assert (again.evaluations, len(again.archive)) == (190, len(aurora.archive))
+
+
+def test_a_task_is_of_a_run_once_it_is_told(tmp_path):
+    def other(genotypes):
+        return np.ones((len(genotypes), 7))
+
+    auroraqd.save(make().run(TASK, generations=3), tmp_path)
+    before = folders.load_config(tmp_path)["provenance"]["task"]
+    aurora = auroraqd.resume(tmp_path)
+    with pytest.warns(UserWarning, match="the task was"), pytest.raises(auroraqd.TaskError, match="ground_truth must be given"):
+        aurora.run(other, generations=1)
+    auroraqd.save(aurora, tmp_path)
+    assert folders.load_config(tmp_path)["provenance"]["task"] == before
+
+
+@pytest.mark.parametrize("state", [None, 5, {"a/b": np.ones(2)}, {"a": np.array(["x"])}, {"a": 1j}, {1: 2}, "raise"])
+def test_a_state_that_cannot_be_kept_names_the_emitter(state, tmp_path):
+    class Odd:
+        def ask(self, archive, n, rng):
+            return rng.random((n, 2)), np.full(n, -1)
+
+        def state(self):
+            if state == "raise":
+                raise ValueError("boo")
+            return state
+
+    aurora = make(emitter=Odd()).run(TASK, generations=1)
+    wanted = r"emitter Odd (must return a dict|raised in `state`: ValueError: boo)"
+    with pytest.raises(auroraqd.emitters.EmitterError, match=wanted):
+        auroraqd.save(aurora, tmp_path)
+    said = []
+
+    def goes_on():
+        with auroraqd.Checkpoints(aurora, tmp_path / "on", every=0, report=said.append) as checkpoints:
+            aurora.run(TASK, generations=2, callback=checkpoints)
+
+    with pytest.raises(auroraqd.emitters.EmitterError, match=wanted):
+        goes_on()
+    assert aurora.generation == 3
+    assert len(said) == 2
+
+
+def test_settings_of_ones_own_may_have_any_name(tmp_path):
+    auroraqd.save(make().run(auroraqd.tasks.Ballistic(), generations=3), tmp_path, config={"task": "my boat", "lr": 1})
+    command("resume", tmp_path, "-n", 4, "--no-figures")
+    assert folders.load_config(tmp_path)["task"] == "my boat"
 
 
 def test_mistakes_get_a_sentence(tmp_path):

@@ -286,3 +286,25 @@ def test_a_repr_says_what_functions_are_called(part, text):
 def test_bad_parameters(make, message):
     with pytest.raises((ValueError, TypeError), match=message):
         make()
+
+
+def test_what_others_were_asked_for_is_withdrawn_when_one_fails():
+    class First:
+        gone = []
+
+        def ask(self, archive, n, rng):
+            return rng.random((n, 2)), np.full(n, -1)
+
+        def withdrawn(self, genotype):
+            self.gone.append(len(genotype))
+
+    class Failing(First):
+        def ask(self, archive, n, rng):
+            raise ValueError("no")
+
+    aurora = auroraqd.Aurora(2, "hand-coded", emitter=[First(), Failing()], batch_size=20, seed=0)
+    task = auroraqd.tasks.Ballistic()
+    aurora.run(task, generations=1)
+    with pytest.raises(ValueError, match="no"):
+        aurora.ask()
+    assert First.gone == [10]

@@ -7,6 +7,7 @@ from typing import Any
 
 # By `_signal`, which `signal` builds upon and makes members of enumerations of its results, at ten times the cost.
 _SIGNALS = (int(signal.SIGINT), int(signal.SIGTERM))
+_MASKS = hasattr(_signal, "pthread_sigmask")  # not on Windows
 _depth = 0
 
 
@@ -24,31 +25,33 @@ class uninterrupted:
         self._handlers: list[tuple[int, Any]] | None = None
         if _depth or threading.current_thread() is not threading.main_thread():
             return
-        self._received: list[tuple[Any, ...]] = []
-        # SIGINT is the first to be held back and the last to be let go, so that it cannot come in between.
+        self._received: list[int] = []
         self._handlers = [(number, handler) for number in _SIGNALS if callable(handler := _signal.getsignal(number))]
         try:
             for number, _ in self._handlers:
                 _signal.signal(number, self._hold)
             _depth = 1
         except BaseException:  # of a signal that came before its turn
-            self._let_go()
+            self._let_go(self._handlers)
             raise
 
     def __exit__(self, *_: object) -> None:
-        if self._handlers is None:
-            return
-        self._let_go()
-        for arguments in self._received:
-            handler = _signal.getsignal(arguments[0])
-            if callable(handler):
-                handler(*arguments)
+        if self._handlers is not None:
+            self._let_go(self._handlers)
 
-    def _hold(self, *arguments: Any) -> None:
-        self._received.append(arguments)
+    def _hold(self, number: int, _: object) -> None:
+        self._received.append(number)
 
-    def _let_go(self) -> None:
+    def _let_go(self, handlers: list[tuple[int, Any]]) -> None:
+        """Restore all handlers, and then have handled what was received: the first may raise, and none must be left behind."""
         global _depth
-        _depth = 0
-        for number, handler in reversed(self._handlers or ()):
-            _signal.signal(number, handler)
+        before = _signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS) if _MASKS else ()
+        try:
+            _depth = 0
+            for number, handler in handlers:
+                _signal.signal(number, handler)
+            for number in self._received:
+                _signal.raise_signal(number)
+        finally:
+            if _MASKS:
+                _signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -169,6 +169,7 @@ class Aurora:
         self._until = 0.0  # the time up to which they are counted
         self._latest: tuple[Columns, Columns, np.ndarray, Info] | None = None  # what was told last, in this process
         self._task: dict[str, Any] | None = None  # what it was, as `auroraqd.provenance` describes it
+        self._next_task: dict[str, Any] | None = None  # of a run that has begun, until something of it is told
         self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
         self._made: dict[str, Any] | None = None  # by which commands, and when, as `auroraqd.provenance` has it; when saved
 
@@ -266,21 +267,31 @@ class Aurora:
 
     def _emitted(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n genotypes, the ids of their parents, and which emitter made them."""
-        made = []
-        for which, count in enumerate(self._emitters.counts(n, self._rng)):
-            if count:
-                emitter = self._emitters.emitters[which]
-                if len(self.archive) == 0 and not getattr(emitter, "starts", False):
-                    made.append(_without_parents(self._rng.random((count, self.n_genes))))
-                else:
-                    found = emitter.ask(self.archive, count, self._rng)
-                    if type(emitter) is not Genetic:  # which looks at its own
-                        found = self._checked_offspring(emitter, count, found)
-                    made.append((*found, np.zeros(count, np.int64) if which == 0 else np.full(count, which)))
+        made: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        try:
+            for which, count in enumerate(self._emitters.counts(n, self._rng)):
+                if count:
+                    made.append(self._emitted_by(which, count))
+        except BaseException:  # what others were asked for will never be told
+            calls = Calls("when another could not be asked")
+            for genotype, _, which in made:
+                if which[0] >= 0:
+                    calls.call(self._emitters.emitters[which[0]], "withdrawn", genotype)
+            raise
         if len(made) == 1:
             return made[0]
         genotype, parent, emitter = (np.concatenate(parts) for parts in zip(*made, strict=True))
         return genotype, parent, emitter
+
+    def _emitted_by(self, which: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As `_emitted`, by one emitter; at random while nothing is stored, but of one that starts by itself."""
+        emitter = self._emitters.emitters[which]
+        if len(self.archive) == 0 and not getattr(emitter, "starts", False):
+            return _without_parents(self._rng.random((n, self.n_genes)))
+        found = emitter.ask(self.archive, n, self._rng)
+        if type(emitter) is not Genetic:  # which looks at its own
+            found = self._checked_offspring(emitter, n, found)
+        return *found, np.zeros(n, np.int64) if which == 0 else np.full(n, which)
 
     def _checked_offspring(self, emitter: Any, n: int, found: Any) -> tuple[np.ndarray, np.ndarray]:
         called = f"emitter {type(emitter).__name__} must return"
@@ -499,7 +510,9 @@ class Aurora:
         """Keep which task it is. Of a run that was resumed, says once if it is another than before, and how."""
         now = described(task)
         how = None if self._earlier_task is None else changed(self._earlier_task, now)
-        self._task, self._earlier_task = now, None
+        self._next_task, self._earlier_task = now, None
+        if self._task is None:
+            self._task = now
         return how
 
     def _ask_known(self, known: np.ndarray) -> None:
@@ -646,6 +659,7 @@ class Aurora:
             self._counts[name] += counts[value - INVALID]
         n, now = len(asked.proposal.genotype), time.perf_counter()
         self._forget(asked)
+        self._task, self._next_task = self._next_task or self._task, None
         self.evaluations += n
         self._seconds += now - max(asked.since, self._until)  # those that overlap count once
         self._until = now

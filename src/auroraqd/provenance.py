@@ -87,7 +87,8 @@ def task_in(config: Mapping[str, Any]) -> dict[str, Any] | None:
 def importable(config: Mapping[str, Any]) -> str | None:
     """The task of a run folder as "mymodule:my_task"; None where none is known, or it was defined in a script."""
     task = task_in(config) or {}
-    return None if task.get("module") in (None, _SCRIPT) or not task.get("name") else called(task)
+    unnamed = task.get("module") in (None, _SCRIPT) or not task.get("name") or "<" in str(task.get("name"))  # of a function
+    return None if unnamed else called(task)
 
 
 def genes_in(config: Mapping[str, Any]) -> Genes | None:

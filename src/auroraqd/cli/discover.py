@@ -232,10 +232,11 @@ def resume(
 
     A run that has ended goes on further with --generations. Example: auroraqd resume runs/first --generations 10000
     """
+    from auroraqd.experiments.settings import is_of_settings
     from auroraqd.runs import folders
 
     logs, spread_over = _onlookers(log, snapshots, folder), spreading(jobs, scheduler, timeout)
-    if "task" not in (config := folders.load_config(folder)):  # it was saved from Python
+    if not is_of_settings(config := folders.load_config(folder)):  # it was saved from Python
         found, aurora, plan = _saved_from_python(folder, config, generations, task, trusted or (), any_environment)
         return _grow(found, aurora, plan, folder, figures, checkpoint_every, spread_over, logs)
     if task is not None or trusted:
@@ -278,7 +279,16 @@ def _saved_from_python(
         )
     with busy("loading"), warnings_said():
         aurora = folders.resume(folder, trusted=trusted, any_environment=any_environment)
-        found = Settings(task=named).build_task(aurora.n_genes)
+        try:
+            found = Settings(task=named).build_task(aurora.n_genes)
+        except ValueError as error:
+            hint = "" if task else f". Say where the task of {folder} is: --task mymodule:my_task"
+            raise UserError(f"{error}{hint}") from None
+        if task is None and not _is_made_alike(found, named, config):
+            raise UserError(
+                f"the task of {folder} was made of {named} with arguments that are not known: make it in a module, and say "
+                "where it is, --task mymodule:my_task"
+            )
         aurora.run(found, generations=0)  # says so if the code of the task has changed
     if generations is None:
         raise UserError(
@@ -289,6 +299,18 @@ def _saved_from_python(
     kept = folders.given(aurora, config)
     descriptor, in_parts = f"{config.get('descriptor', aurora.descriptor)}", len(aurora.events) > 0
     return found, aurora, _Plan(named, descriptor, generations, in_parts, kept, compile=lambda: None)
+
+
+def _is_made_alike(task: Any, named: str, config: dict[str, Any]) -> bool:
+    """Whether a task that was made of a class without arguments is as the one that a run folder describes."""
+    from inspect import signature
+
+    from auroraqd.provenance import task_in
+
+    kind = type(task)
+    if named != f"{kind.__module__}:{kind.__qualname__}" or not signature(kind).parameters:
+        return True
+    return (task_in(config) or {}).get("repr") == repr(task)
 
 
 def _check_goes_on(name: str, task: Any, aurora: "Aurora", folder: Path, generations: int) -> None:
@@ -328,10 +350,11 @@ def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
 def _settings_in(folder: Path) -> "Settings":
     """The settings of a run folder that `auroraqd run` made."""
     from auroraqd.experiments import Settings
+    from auroraqd.experiments.settings import is_of_settings
     from auroraqd.runs.folders import load_config
 
     config = load_config(folder)
-    if "task" not in config:
+    if not is_of_settings(config):
         raise UserError(
             f"{folder} was saved from Python and has no settings to begin with: only what `auroraqd run` made can be repeated"
         )

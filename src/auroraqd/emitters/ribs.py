@@ -329,9 +329,9 @@ class Ribs:
                     complete.append(place.batch)
             if not places:
                 self._out.pop(key, None)
+        self._idle += [batch.emitter for batch in complete]
         for batch in complete:
             batch.tell()
-            self._idle.append(batch.emitter)
 
     def _made(self, archive: Archive, seed: int) -> Any:
         made = self.make(Elites(archive, seed), archive.genotype.shape[1], seed)

@@ -369,11 +369,17 @@ class Settings:
         return cls(**given)
 
 
+def is_of_settings(config: Mapping[str, Any]) -> bool:
+    """Whether a run folder was made from settings, by a command; others may hold whatever its user keeps there."""
+    names = ("task", "descriptor", "components", "generations", "pretrained")
+    return all(name in config for name in names) and isinstance(config["task"], str)
+
+
 def task_of(config: Mapping[str, Any]) -> str | None:
     """The task of a run folder as the `task` of settings, also of one that was saved from Python; None where none is known that
     can be imported.
     """
-    if isinstance(config.get("task"), str):
+    if is_of_settings(config):
         return config["task"]
     home, text = importable(config), (task_in(config) or {}).get("repr")
     for name, kind in TASKS.items():

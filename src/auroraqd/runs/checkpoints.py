@@ -15,6 +15,7 @@ from auroraqd._checks import flag, function, number
 from auroraqd._files import as_path, folder_at, told
 from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
+from auroraqd.emitters.base import EmitterError
 from auroraqd.runs import _transformers, folders
 from auroraqd.runs.state import settings_of
 
@@ -77,7 +78,7 @@ class Checkpoints:
         self._keep = False  # whether the checkpoint in the folder is of this run
         self._first = False  # whether there was nothing in the folder
         self._next = 0.0
-        self._saved: tuple[int, bool] | None = None
+        self._saved: tuple[object, ...] | None = None
 
     def __enter__(self) -> "Checkpoints":
         if self._lock.is_locked:
@@ -86,7 +87,8 @@ class Checkpoints:
             _transformers.check(self.aurora.descriptor.source)
         folder_at(self.folder)
         try:
-            self._lock.acquire()
+            with uninterrupted():  # or it is locked, and nobody knows
+                self._lock.acquire()
         except Timeout:
             raise BlockingIOError(f"{self.folder} is in use: another process has a run there") from None
         except OSError as error:
@@ -105,7 +107,7 @@ class Checkpoints:
     def __exit__(self, *_: object) -> None:
         try:
             with uninterrupted():  # an impatient second Ctrl-C
-                if not self.saved and (self.aurora.generation or self._saved):
+                if not self.saved and (self.aurora.evaluations or self._saved):
                     self._save()
                 elif self._first and self._saved is None:  # nothing was found
                     (self.folder / folders.CONFIG).unlink(missing_ok=True)
@@ -127,7 +129,7 @@ class Checkpoints:
         try:
             with uninterrupted():
                 self._save()
-        except OSError as error:
+        except (OSError, EmitterError) as error:
             self._report(f"no checkpoint at generation {self.aurora.generation}: {error}")
         now = time.monotonic()
         self._next = now + (self._every and max(self._every, (now - began) / _SHARE))
@@ -140,9 +142,10 @@ class Checkpoints:
         self._keep = True
         self._saved = self._now()
 
-    def _now(self) -> tuple[int, bool]:
+    def _now(self) -> tuple[object, ...]:
         """What changes whenever the run does."""
-        return self.aurora.generation, self.aurora.pending is not None
+        aurora = self.aurora
+        return aurora.generation, aurora.evaluations, len(aurora.events), aurora.pending is not None
 
     def _goes_on(self) -> bool:
         """Whether the folder holds an earlier moment of the run.

@@ -5,6 +5,7 @@ crash. Wall-clock times are left out, so equal runs have equal states.
 """
 
 import array as typed
+import json
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.aurora import SURVIVAL, Aurora
 from auroraqd.control.update import Attempts
 from auroraqd.descriptors.descriptor import Descriptor
-from auroraqd.emitters.base import Shared, shared
+from auroraqd.emitters.base import EmitterError, Shared, shared
 from auroraqd.emitters.genetic import Genetic
 from auroraqd.emitters.proposal import Asked, Proposal
 from auroraqd.history import History, Record
@@ -29,7 +30,7 @@ _PLAIN = ("n_genes", "batch_size", "generation", "evaluations", "seed", "_refits
 _SINCE = {"robust": True, "survival": SURVIVAL, "_refused": 0, "_tickets": 0, "_part": 0}  # and not in files of version 0.2.0
 _LATER = ("_next_evaluation", "_current")  # likewise, but following from the rest
 _RECORDED = tuple(name for name in Record._fields if name != "seconds")
-_TASKS = ("_task", "_earlier_task", "_made")  # in config.json: equal runs have equal states, whoever made them
+_TASKS = ("_task", "_next_task", "_earlier_task", "_made")  # in config.json: equal runs have equal states, whoever made them
 _TIMES = ("_seconds", "_until")
 _ON_THE_WAY = ("_waiting", "_asked", "_events", "_latest")
 _OTHERS = ("archive", *_STRATEGIES, "history", "_rng", "_descriptor", *_ON_THE_WAY, "_emitters", "_attempts", *_TASKS)
@@ -96,11 +97,32 @@ def _joined(proposals: Sequence[Proposal]) -> dict[str, np.ndarray]:
 
 def _state_of_emitter(emitter: Any) -> State:
     """What an emitter remembers, JSON values and arrays apart."""
+    called = f"emitter {type(emitter).__name__}"
     if not callable(getattr(emitter, "state", dict)):
-        raise TypeError(f"emitter {type(emitter).__name__} must have a method state(), got {shown(emitter.state)}")
-    found = dict(emitter.state()) if hasattr(emitter, "state") else {}
+        raise TypeError(f"{called} must have a method state(), got {shown(emitter.state)}")
+    if not hasattr(emitter, "state"):
+        return State({}, {})
+    try:
+        found = emitter.state()
+    except Exception as error:
+        raise EmitterError(f"{called} raised in `state`: {type(error).__name__}: {error}; it cannot be saved") from error
+    wanted = "must return a dictionary of JSON values and arrays of numbers, by names without / and ., as its state"
+    if not isinstance(found, Mapping) or not all(isinstance(name, str) and not set("/.") & set(name) for name in found):
+        raise EmitterError(f"{called} {wanted}, got {shown(found)}")
     arrays = {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
-    return State({name: value for name, value in found.items() if name not in arrays}, arrays)
+    values = {name: value for name, value in found.items() if name not in arrays}
+    for name, value in found.items():
+        if not (value.dtype.kind in "biuf" and value.dtype.itemsize <= 8 if name in arrays else _is_json(value)):
+            raise EmitterError(f"{called} {wanted}, got {shown(value)} for {name}")
+    return State(values, arrays)
+
+
+def _is_json(value: Any) -> bool:
+    try:
+        json.dumps(value)
+    except (TypeError, ValueError, RecursionError):
+        return False
+    return True
 
 
 def restored(
@@ -145,7 +167,7 @@ def restored(
     aurora.history = History.restored(records, values["history_gap"])
     aurora._seconds = seconds.get(records[-1].generation, 0.0) if records else 0.0
     aurora._until = 0.0
-    aurora._task = aurora._earlier_task = aurora._made = aurora._latest = None
+    aurora._task = aurora._next_task = aurora._earlier_task = aurora._made = aurora._latest = None
     waiting = _individuals(_named("waiting", arrays))
     aurora._waiting = waiting if waiting.rows else None
     aurora._events = typed.array("q", arrays["events"].tobytes() if "events" in arrays else b"")

@@ -1,0 +1,90 @@
+"""Signals that are held back while a state is half changed: none is lost, and no handler is left behind."""
+
+import signal
+import threading
+
+import pytest
+
+from auroraqd import _interrupts
+from auroraqd._interrupts import uninterrupted
+
+INT, TERM = signal.SIGINT, signal.SIGTERM
+
+
+@pytest.fixture
+def handled():
+    """What was handled; SIGTERM raises, as in the command line."""
+    seen = []
+
+    def ended(number, frame):
+        seen.append(number)
+        raise SystemExit(number)
+
+    before = {number: signal.getsignal(number) for number in (INT, TERM)}
+    signal.signal(INT, lambda number, frame: seen.append(number))
+    signal.signal(TERM, ended)
+    yield seen
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_they_are_handled_when_the_block_is_left(handled):
+    def both():
+        with uninterrupted():
+            with uninterrupted():
+                signal.raise_signal(TERM)
+                signal.raise_signal(INT)
+            assert handled == []
+
+    with pytest.raises(SystemExit):
+        both()
+    assert sorted(handled) == [INT, TERM]  # both, though the first to be handled may raise
+
+
+def test_also_when_it_is_left_by_an_error(handled):
+    def failing():
+        with uninterrupted():
+            signal.raise_signal(INT)
+            raise ValueError("mine")
+
+    with pytest.raises(ValueError, match="mine"):
+        failing()
+    assert handled == [INT]
+
+
+@pytest.mark.parametrize("when", range(12))
+def test_one_that_comes_while_handlers_are_restored(when, handled, monkeypatch):
+    """At any call of the module that changes something."""
+    handlers = [signal.getsignal(number) for number in (INT, TERM)]
+    real, calls = _interrupts._signal, []
+
+    class Interrupting:
+        def __getattr__(self, name):
+            if len(calls) == when:
+                calls.append("sent")
+                signal.raise_signal(TERM)
+            calls.append(name)
+            return getattr(real, name)
+
+    monkeypatch.setattr(_interrupts, "_signal", Interrupting())
+    try:
+        with uninterrupted():
+            pass
+    except SystemExit:
+        pass
+    monkeypatch.undo()
+    assert [signal.getsignal(number) for number in (INT, TERM)] == handlers
+    signal.raise_signal(INT)
+    assert INT in handled
+    assert _interrupts._depth == 0
+
+
+def test_in_other_threads_there_is_nothing_to_hold_back(handled):
+    def work():
+        with uninterrupted():
+            assert signal.getsignal(INT) is not None
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert handled == []
