@@ -27,9 +27,10 @@ def moments(snapshots: Sequence[Snapshot], spaces: Mapping[str, Any], placed: st
 def _moment(snapshot: Snapshot, spaces: Mapping[str, Any], placed: str) -> dict[str, Any]:
     rows = first_of(snapshot.id, _MOST_SKILLS)
     places = {"descriptor": _own_plane(snapshot.descriptor[rows])}
-    truth = spaces.get("truth")
-    if snapshot.ground_truth is not None and truth is not None and snapshot.ground_truth.shape[1] == len(truth["names"]):
-        places["truth"] = _plane_of(truth, snapshot.ground_truth[rows])
+    colours_by, space, truth = places["descriptor"], spaces.get("truth"), snapshot.ground_truth
+    if space is not None and truth is not None and truth.shape[1] == len(space["names"]):
+        places["truth"] = _plane_of(space, truth[rows])
+        colours_by = truth[rows, :2] if placed == "ground truth" else colours_by
     return {
         "generation": snapshot.generation,
         "moment": snapshot.moment,
@@ -37,9 +38,7 @@ def _moment(snapshot: Snapshot, spaces: Mapping[str, Any], placed: str) -> dict[
         "l": None if snapshot.l != snapshot.l else snapshot.l,
         "id": wholes(snapshot.id[rows]),
         "places": {name: table(plane, np.uint16 if np.isfinite(plane).all() else None) for name, plane in places.items()},
-        "colours_by": snapshot.ground_truth[rows, :2]
-        if placed == "ground truth" and "truth" in places
-        else places["descriptor"],
+        "colours_by": colours_by,
     }
 
 
