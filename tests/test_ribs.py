@@ -214,7 +214,7 @@ def test_saving_says_that_its_state_is_not_saved(tmp_path):
 
 @pytest.mark.filterwarnings("ignore:.* far outside the others")  # it has no seed
 def test_the_example_of_the_documentation():
-    page = (Path(__file__).parents[1] / "docs" / "algorithms.md").read_text()
+    page = (Path(__file__).parents[1] / "docs" / "reference" / "algorithms.md").read_text()
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     found = {}
     exec(code.replace("generations=500", "generations=5"), found)
