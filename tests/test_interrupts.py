@@ -4,7 +4,9 @@ import signal
 import threading
 
 import pytest
+from sklearn.decomposition import PCA
 
+import auroraqd
 from auroraqd import _interrupts
 from auroraqd._interrupts import uninterrupted
 
@@ -77,6 +79,20 @@ def test_one_that_comes_while_handlers_are_restored(when, handled, monkeypatch):
     signal.raise_signal(INT)
     assert INT in handled
     assert _interrupts._depth == 0
+
+
+def test_an_interrupt_behind_an_error_is_one():
+    class Interrupted(PCA):
+        def fit(self, x, y=None):
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as interrupt:
+                raise TypeError("cannot compare") from interrupt
+
+    aurora = auroraqd.Aurora(2, Interrupted(2), batch_size=50, seed=0)
+    with pytest.raises(KeyboardInterrupt):
+        aurora.run(auroraqd.tasks.Ballistic(), generations=1)
+    assert (aurora.evaluations, len(aurora.pending)) == (0, 50)
 
 
 def test_in_other_threads_there_is_nothing_to_hold_back(handled):

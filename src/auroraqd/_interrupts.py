@@ -55,3 +55,12 @@ class uninterrupted:
         finally:
             if _MASKS:
                 _signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def check_interrupt(error: BaseException) -> None:
+    """Raise KeyboardInterrupt if one is behind an error: NumPy, when it is interrupted, may raise a TypeError from it."""
+    behind: BaseException | None = error
+    while behind is not None:
+        if isinstance(behind, KeyboardInterrupt):
+            raise behind
+        behind = behind.__cause__ or behind.__context__

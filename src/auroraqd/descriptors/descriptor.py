@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auroraqd._checks import finite_rows, numbers, rows_of, shown
+from auroraqd._interrupts import check_interrupt
 from auroraqd.descriptors import _solvers, supervised
 from auroraqd.descriptors._affine import Affine
 from auroraqd.descriptors.scaling import Scaler, Scaling
@@ -168,6 +169,7 @@ class Descriptor:
         except Mismatch:
             raise
         except Exception as error:
+            check_interrupt(error)
             name = type(transformer).__name__
             raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
         if type(transformer).__module__.startswith("sklearn."):
