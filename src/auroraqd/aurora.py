@@ -289,9 +289,10 @@ class Aurora:
         if len(self.archive) == 0 and not getattr(emitter, "starts", False):
             return _without_parents(self._rng.random((n, self.n_genes)))
         found = emitter.ask(self.archive, n, self._rng)
-        if type(emitter) is not Genetic:  # which looks at its own
-            found = self._checked_offspring(emitter, n, found)
-        return *found, np.zeros(n, np.int64) if which == 0 else np.full(n, which)
+        genotype, parent = (
+            found if type(emitter) is Genetic else self._checked_offspring(emitter, n, found)
+        )  # that one looks at its own
+        return genotype, parent, np.zeros(n, np.int64) if which == 0 else np.full(n, which)
 
     def _checked_offspring(self, emitter: Any, n: int, found: Any) -> tuple[np.ndarray, np.ndarray]:
         called = f"emitter {type(emitter).__name__} must return"
