@@ -289,9 +289,8 @@ class Aurora:
         if len(self.archive) == 0 and not getattr(emitter, "starts", False):
             return _without_parents(self._rng.random((n, self.n_genes)))
         found = emitter.ask(self.archive, n, self._rng)
-        genotype, parent = (
-            found if type(emitter) is Genetic else self._checked_offspring(emitter, n, found)
-        )  # that one looks at its own
+        # The genetic emitter looks at its own.
+        genotype, parent = found if type(emitter) is Genetic else self._checked_offspring(emitter, n, found)
         return genotype, parent, np.zeros(n, np.int64) if which == 0 else np.full(n, which)
 
     def _checked_offspring(self, emitter: Any, n: int, found: Any) -> tuple[np.ndarray, np.ndarray]:
