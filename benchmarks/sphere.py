@@ -164,6 +164,8 @@ def sphere_table(found: list[Found]) -> str:
     ]
     for kind, iteration in itertools.product(KINDS, sorted({1_000, last})):
         rows = [[r for r in found if r[:2] == (library, kind) and r.iteration == iteration] for library in LIBRARIES]
+        if not any(rows):
+            continue
         cells = [
             _range(form, [getattr(row, name) for row in of_one])
             for name, form in (("coverage", "{:.3f}"), ("qd_score", "{:,.0f}"), ("seconds", "{:.0f}"))
