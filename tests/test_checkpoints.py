@@ -641,7 +641,7 @@ def test_mistakes_get_a_sentence(tmp_path):
     out.mkdir()
     assert "is no run folder: there is no config.json in it" in command("resume", out, code=1)
     auroraqd.save(make().run(TASK, generations=3), out)
-    assert "was saved from Python" in command("repeat", out, "--out", tmp_path / "again", code=1)
+    assert "so it was saved from Python" in command("repeat", out, "--out", tmp_path / "again", code=1)
     command("run", "ballistic", *PLAIN, "-n", 6, "--no-figures", "--out", tmp_path / "cli")
     config = json.loads((tmp_path / "cli" / "config.json").read_text())
     (tmp_path / "cli" / "config.json").write_text(json.dumps({**config, "seed": 7, "generations": 9}))
