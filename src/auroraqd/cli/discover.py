@@ -356,8 +356,8 @@ def _settings_in(folder: Path) -> "Settings":
     config = load_config(folder)
     if not is_of_settings(config):
         raise UserError(
-            f"{folder}/config.json cannot be run again: it has not the settings of `auroraqd run`, so it was saved from Python, "
-            "or has been changed"
+            f"{folder}/config.json cannot be run again: it has not the settings of `auroraqd run`, so it was saved from "
+            "Python, or has been changed"
         )
     try:
         return Settings.from_json(config)
