@@ -232,7 +232,8 @@ def test_nothing_stored_is_said(tmp_path, monkeypatch):
 
     monkeypatch.setattr(auroraqd.tasks.AirHockey, "__call__", invalid)
     made = AIR_HOCKEY.variants["hand-coded"].of(AIR_HOCKEY.base(2, 10), 0)
-    with pytest.raises(ValueError, match="nothing was stored"):
+    said = pytest.warns(UserWarning, match="gave no valid individual in 2 generations")
+    with said, pytest.raises(ValueError, match="nothing was stored"):
         replicate(Job("hand-coded", 0, made, tmp_path, None, AIR_HOCKEY.measures), listener=lambda aurora: None)
 
 

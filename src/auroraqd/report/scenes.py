@@ -61,12 +61,14 @@ def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
 
 
 def trajectories_of(repertoire: Repertoire) -> np.ndarray | None:
-    """(n, steps, 2): the observations, or the first stream of them, that are points in the plane at several instants; two
-    contacts are none.
+    """(n, steps, 2): the observations, or the first stream of them, that are points in the plane at several instants; of
+    two contacts only where there are no others.
 
     None if there are none.
     """
-    for stream in streams_of(repertoire.observation).values():
-        if stream.ndim == 3 and len(stream) and stream.shape[1] > 1 and stream.shape[2] == 2 and stream.dtype != bool:
-            return stream
-    return None
+    streams = [
+        stream
+        for stream in streams_of(repertoire.observation).values()
+        if stream.ndim == 3 and len(stream) and stream.shape[1] > 1 and stream.shape[2] == 2
+    ]
+    return min(streams, key=lambda stream: stream.dtype == bool, default=None)

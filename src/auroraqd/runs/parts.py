@@ -31,6 +31,7 @@ _HOMES = {
     "archive": [unstructured, grid, cvt, dominated],
 }
 _NAMED = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+_LONGEST = 200  # letters of the name of a class
 _LOST = "lost"  # in the place of "type", where what is there says no more than what it is called
 
 
@@ -98,7 +99,8 @@ def made(name: str, value: Any, trusted: Sequence[str]) -> Any:
     options = dict(value) if isinstance(value, Mapping) else {"type": value}
     kind = _kind(name, options.pop("type", None), trusted)
     if not isinstance(value, Mapping) or not isinstance(kind, type):
-        trust = f", or trust it, trusted=[{value['type']!r}]" if isinstance(value, Mapping) and "type" in value else ""
+        known = isinstance(value, Mapping) and isinstance(value.get("type"), str) and len(value["type"]) < _LONGEST
+        trust = f", or trust it, trusted=[{value['type']!r}]" if known else ""
         raise ValueError(f"{name} was {shown(value)}, which is not of auroraqd: give it again, resume(..., {name}=...){trust}")
     for part, given in options.items():
         if isinstance(given, Mapping) and _LOST in given:
@@ -130,6 +132,7 @@ def archive_made(value: Mapping[str, Any], constants: Mapping[str, np.ndarray], 
         return given
     kind = _kind("archive", named, trusted)
     if not (isinstance(kind, type) and issubclass(kind, Archive)):
+        named = named if isinstance(named, str) and len(named) < _LONGEST else shown(named)
         raise ValueError(
             f"archive was of the type {named}, which is not of auroraqd: give an empty one, resume(..., archive=...), or trust "
             f"it, trusted=[{named!r}]"
