@@ -99,8 +99,8 @@ def made(name: str, value: Any, trusted: Sequence[str]) -> Any:
     options = dict(value) if isinstance(value, Mapping) else {"type": value}
     kind = _kind(name, options.pop("type", None), trusted)
     if not isinstance(value, Mapping) or not isinstance(kind, type):
-        known = isinstance(value, Mapping) and isinstance(value.get("type"), str) and len(value["type"]) < _LONGEST
-        trust = f", or trust it, trusted=[{value['type']!r}]" if known else ""
+        called = value.get("type") if isinstance(value, Mapping) else None
+        trust = f", or trust it, trusted=[{called!r}]" if isinstance(called, str) and len(called) < _LONGEST else ""
         raise ValueError(f"{name} was {shown(value)}, which is not of auroraqd: give it again, resume(..., {name}=...){trust}")
     for part, given in options.items():
         if isinstance(given, Mapping) and _LOST in given:
