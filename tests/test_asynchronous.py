@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import robots
+from alike import same
 from commands import cli
 from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
@@ -14,14 +15,6 @@ from auroraqd.evaluate.spread import Stream
 
 def made(**options):
     return auroraqd.Aurora(3, PCA(2), seed=4, batch_size=20, schedule=auroraqd.Every(5), **options)
-
-
-def same(one, other):
-    for name, column in one.archive.columns.items():
-        assert_array_equal(column, other.archive.columns[name])
-    for a, b in zip(one.history.records, other.history.records, strict=True):
-        assert_array_equal(np.array(a[:-1], float), np.array(b[:-1], float))
-    assert one._rng.bit_generator.state == other._rng.bit_generator.state
 
 
 @pytest.fixture(scope="module")

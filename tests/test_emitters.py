@@ -6,6 +6,7 @@ from contextlib import suppress
 import naive
 import numpy as np
 import pytest
+from alike import same
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -201,14 +202,6 @@ class Watch:
 
     def told(self, aurora, batch, info):
         self.seen += batch["born"].tolist()
-
-
-def same(one, other):
-    for name, column in one.archive.columns.items():
-        assert_array_equal(column, other.archive.columns[name])
-    for a, b in zip(one.history.records, other.history.records, strict=True):
-        assert_array_equal(np.array(a[:-1], float), np.array(b[:-1], float))
-    assert one._rng.bit_generator.state == other._rng.bit_generator.state
 
 
 @pytest.mark.parametrize(

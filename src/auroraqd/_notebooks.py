@@ -51,11 +51,13 @@ def _image(thumbnail: str, of: Any) -> str:
 
 def facts_of(individuals: Individuals) -> dict[str, object]:
     """What there is to say of stored individuals."""
-    n, fitness = len(individuals), individuals.fitness
+    n, fitness, l = len(individuals), individuals.fitness, getattr(individuals, "l", None)  # of an archive
+    threshold = None if l is None or l != l else f"{l:.4g}"
     if n == 0:
-        return {"individuals": 0}
+        return {"l": threshold, "individuals": 0}
     truth = individuals.ground_truth
     return {
+        "l": threshold,
         "individuals": f"{n:,}",
         "genotype": individuals.genotype.shape[1:],
         "observation": shapes_of(individuals.observation),

@@ -177,14 +177,13 @@ class Aurora:
         return f"Aurora(generation={self.generation}, evaluations={self.evaluations}, archive={self.archive!r})"
 
     def _repr_html_(self) -> str:
-        last, l = self.history.last, getattr(self.archive, "l", None)
+        last = self.history.last
         facts = {
             "described by": f"{self.descriptor}".strip("'"),
             "seed": self.seed,
             "generation": f"{self.generation:,}",
             "evaluations": f"{self.evaluations:,}",
             "archive": type(self.archive).__name__,
-            "l": None if l is None or l != l else f"{l:.4g}",
             "RMSE": None if last is None or last.rmse != last.rmse else f"{last.rmse:.4f}",
         }
         return card("Aurora", {**facts, **facts_of(self.archive)}, "individuals", self.archive)
@@ -291,7 +290,7 @@ class Aurora:
         found = emitter.ask(self.archive, n, self._rng)
         # The genetic emitter looks at its own.
         genotype, parent = found if type(emitter) is Genetic else self._checked_offspring(emitter, n, found)
-        return genotype, parent, np.zeros(n, np.int64) if which == 0 else np.full(n, which)
+        return genotype, parent, np.full(n, which)
 
     def _checked_offspring(self, emitter: Any, n: int, found: Any) -> tuple[np.ndarray, np.ndarray]:
         called = f"emitter {type(emitter).__name__} must return"

@@ -84,6 +84,12 @@ def task_in(config: Mapping[str, Any]) -> dict[str, Any] | None:
     return task if isinstance(task, dict) else None
 
 
+def task_named(config: Mapping[str, Any]) -> str | None:
+    """What the task of a run folder is called, or None."""
+    found = task_in(config)
+    return config.get("task") or (None if found is None else called(found))
+
+
 def importable(config: Mapping[str, Any]) -> str | None:
     """The task of a run folder as "mymodule:my_task"; None where none is known, or it was defined in a script."""
     task = task_in(config) or {}

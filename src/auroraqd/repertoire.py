@@ -29,7 +29,7 @@ from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
 from auroraqd.individuals import KNOWN, Columns, Individuals, stored
 from auroraqd.observations import check_same_streams, has_streams, observations, streams_of
-from auroraqd.provenance import called, genes_in, task_in
+from auroraqd.provenance import genes_in, task_named
 from auroraqd.tasks import Evaluation, Genes, evaluated
 from auroraqd.tasks.noise import other_seeds, seeds_at
 
@@ -160,11 +160,9 @@ class Repertoire(Individuals):
         """What its run was, if it is known."""
         try:
             config = self.config
-            found = task_in(config)
         except (OSError, ValueError, AttributeError):  # an origin of somebody's own
             return {}
-        task = config.get("task") or (None if found is None else called(found))
-        return {"task": task, "described by": config.get("descriptor"), "seed": config.get("seed")}
+        return {"task": task_named(config), "described by": config.get("descriptor"), "seed": config.get("seed")}
 
     def plot(self) -> Figure:
         """Skills in descriptor space and ground truth, and what was observed: a figure of Matplotlib, which notebooks show.

@@ -156,10 +156,7 @@ class Archive(Individuals, ABC):
         return len(self._population)
 
     def _repr_html_(self) -> str:
-        l = getattr(self, "l", None)
-        return card(
-            type(self).__name__, {"l": None if l is None or l != l else f"{l:.4g}", **facts_of(self)}, "individuals", self
-        )
+        return card(type(self).__name__, facts_of(self), "individuals", self)
 
     @property
     def columns(self) -> Columns:

@@ -1,17 +1,11 @@
 """`auroraqd run`, `repeat` and `resume`: to discover a repertoire."""
 
-import copy
-import os
-import signal
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.text import Text
 
 from auroraqd.cli._shared import (
     CheckpointOption,
@@ -24,29 +18,16 @@ from auroraqd.cli._shared import (
     TimeoutOption,
     UserError,
     busy,
-    console,
-    errors,
     loggers,
     spreading,
     warnings_said,
 )
-from auroraqd.cli.show import report
+from auroraqd.cli.growing import Plan, grow
 
 if TYPE_CHECKING:
     from auroraqd.aurora import Aurora
     from auroraqd.evaluate import Spread
     from auroraqd.experiments import Settings
-
-
-class _Plan(NamedTuple):
-    """What a command needs to know of a run that the run itself does not say."""
-
-    task: str
-    descriptor: str
-    generations: int
-    asynchronous: bool
-    config: dict[str, Any] | None
-    compile: Callable[[], object]
 
 
 OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [default: runs/TASK-DESCRIPTOR-SEED]")]
@@ -238,7 +219,7 @@ def resume(
     logs, spread_over = _onlookers(log, snapshots, folder), spreading(jobs, scheduler, timeout)
     if not is_of_settings(config := folders.load_config(folder)):  # it was saved from Python
         found, aurora, plan = _saved_from_python(folder, config, generations, task, trusted or (), any_environment)
-        return _grow(found, aurora, plan, folder, figures, checkpoint_every, spread_over, logs)
+        return grow(found, aurora, plan, folder, figures, checkpoint_every, spread_over, logs)
     if task is not None or trusted:
         raise UserError(f"--task and --trusted are for runs that were saved from Python, and {folder} says what it needs")
     settings = _settings_in(folder)
@@ -250,12 +231,12 @@ def resume(
             aurora.run(found, generations=0)  # says so if the code of the task has changed
         else:  # it ended before its first checkpoint
             found, aurora = settings.build()
-    _check_goes_on(settings.task, found, aurora, folder, settings.generations)
     differ = _differences(settings, aurora) + (folders.changed(folder, settings.as_json()) if aurora.generation else [])
     differ = list({text.split()[0]: text for text in reversed(differ)}.values())
     if differ:
         raise UserError(f"{folder}/config.json has been changed, {', '.join(differ)}: the run cannot go on with it")
-    _grow(found, aurora, _plan(settings), folder, figures, checkpoint_every, spread_over, logs)
+    _check_goes_on(settings.task, found, aurora, folder, settings.generations)
+    grow(found, aurora, Plan.of(settings), folder, figures, checkpoint_every, spread_over, logs)
 
 
 def _saved_from_python(
@@ -265,7 +246,7 @@ def _saved_from_python(
     task: str | None,
     trusted: Sequence[str],
     any_environment: bool,
-) -> "tuple[Any, Aurora, _Plan]":
+) -> "tuple[Any, Aurora, Plan]":
     """Task, run, and what else there is to know of a run that `auroraqd.save` or `Checkpoints` left."""
     from auroraqd.experiments import Settings
     from auroraqd.experiments.settings import task_of
@@ -298,7 +279,7 @@ def _saved_from_python(
     _check_goes_on(named, found, aurora, folder, generations)
     kept = folders.given(aurora, config)
     descriptor, in_parts = f"{config.get('descriptor', aurora.descriptor)}", len(aurora.events) > 0
-    return found, aurora, _Plan(named, descriptor, generations, in_parts, kept, compile=lambda: None)
+    return found, aurora, Plan(named, descriptor, generations, in_parts, kept, settings=None)
 
 
 def _is_made_alike(task: Any, named: str, config: dict[str, Any]) -> bool:
@@ -329,13 +310,6 @@ def _onlookers(log: list[str] | None, snapshots: bool, folder: Path) -> list[Any
     from auroraqd.runs.snapshots import Snapshots
 
     return [*loggers(log), *([Snapshots(folder)] if snapshots else [])]
-
-
-def _plan(settings: "Settings") -> _Plan:
-    of = settings
-    return _Plan(
-        of.task, of.descriptor, of.generations, of.asynchronous, of.as_json(), compile=partial(compile_kernels, settings)
-    )
 
 
 def _differences(settings: "Settings", aurora: "Aurora") -> list[str]:
@@ -379,111 +353,7 @@ def _run(
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
-    _grow(task, aurora, _plan(settings), out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
-
-
-def _grow(
-    task: Any,
-    aurora: "Aurora",
-    plan: _Plan,
-    out: Path,
-    figures: bool,
-    every: float,
-    spread_over: "Callable[[Any], Spread] | None",
-    logs: Sequence[Any] = (),
-    *,
-    overwrite: bool = False,
-    events: Any = None,
-) -> None:
-    """Run until the generations that are planned are done, with checkpoints; whatever ends it, show what was found.
-
-    With the `events` of another run, do them again.
-    """
-    from auroraqd import asynchronous
-    from auroraqd._compiled import compiling
-    from auroraqd.callbacks.progress import RunProgress, training_told
-    from auroraqd.runs.checkpoints import LOCK, Checkpoints
-    from auroraqd.runs.snapshots import remove_snapshots
-
-    if plan.asynchronous and spread_over is None and events is None:
-        raise UserError("an asynchronous run needs workers: give --jobs or --scheduler too")
-    failure: BaseException | None = None
-    here = Path.cwd()
-    bold = (plan.task, "bold"), (plan.descriptor, "bold")
-    console.print(Text.assemble(bold[0], ", descriptor ", bold[1], f", seed {aurora.seed}"))
-    for polite_end in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a cluster, of a closed terminal
-        signal.signal(polite_end, signal.default_int_handler)
-    checkpoints = Checkpoints(
-        aurora,
-        out,
-        every=every,
-        config=plan.config,
-        overwrite=overwrite,
-        report=lambda text: errors.print(text, highlight=False),
-    )
-    with checkpoints:
-        if overwrite:
-            remove_snapshots(out)  # of the run that was there
-        try:
-            slow = "compiling kernels, which takes some 10 s the first time"
-            with ExitStack() as said, compiling(lambda: said.enter_context(busy(slow, log=True))):
-                plan.compile()
-            progress = RunProgress(console, plan.generations, aurora.evaluations)
-            workers = nullcontext(task) if spread_over is None else spread_over(task)
-            with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
-                callbacks = (progress, checkpoints, *logs)
-                if events is not None:
-                    asynchronous.replay(aurora, spread, events, callbacks)
-                else:
-                    until, in_parts = plan.generations, plan.asynchronous
-                    aurora.run(spread, until_generation=until, callback=callbacks, asynchronous=in_parts)
-        except (KeyboardInterrupt, Exception) as error:  # whatever it is, what was found is saved and shown first
-            failure = error
-    os.chdir(here)  # a task may have changed it
-    if checkpoints.saved:
-        report(out, figures)
-        kept = f"what was found is in {out}"
-    else:
-        kept = "nothing had been found yet"
-        with suppress(OSError):  # a folder that holds anything else stays
-            (out / LOCK).unlink()
-            out.rmdir()
-    if failure is not None:
-        _end(failure, aurora, kept)
-
-
-def _end(failure: BaseException, aurora: "Aurora", kept: str) -> None:
-    """Say why a run has ended, and end the command."""
-    from auroraqd.descriptors.descriptor import DescriptorError
-    from auroraqd.emitters import EmitterError
-    from auroraqd.tasks import TaskError
-
-    if isinstance(failure, KeyboardInterrupt):
-        errors.print(f"Interrupted after {aurora.generation} generations; {kept}", highlight=False)
-        raise typer.Exit(130)
-    if isinstance(failure, MemoryError):
-        raise UserError(f"there is not enough memory: {failure}; {kept}")
-    if isinstance(failure, TaskError | DescriptorError | EmitterError | ValueError | OSError):
-        raise UserError(f"{failure}; {kept}")
-    errors.print(kept, highlight=False)
-    raise failure
-
-
-def compile_kernels(settings: "Settings") -> None:
-    """Run a few generations elsewhere, so that the time of compilation is not taken for the time of the run."""
-    from auroraqd.experiments.settings import AUTOENCODER, GENOTYPE, PCA, TASKS, Dominated, Unstructured
-
-    # A task of the user's own may take long, and do things: it is not called for this.
-    task = settings.task if settings.task_kind in TASKS else "ballistic"
-    learned = settings.descriptor_kind in (PCA, AUTOENCODER)
-    descriptor = PCA if learned else GENOTYPE  # scikit-learn takes a second to import
-    archive = Dominated(20) if isinstance(settings.archive, Dominated) else Unstructured()
-    kernels = replace(
-        settings, task=task, descriptor=descriptor, components=1, pretrained=False, archive=archive, capacity=None
-    )
-    task, aurora = replace(kernels, batch_size=max(settings.batch_size, 20)).build()
-    aurora.run(task, generations=3)
-    copy.deepcopy(aurora.archive)  # builds its index anew, as long runs do now and then
+    grow(task, aurora, Plan.of(settings), out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
 
 
 def _check_free(out: Path, overwrite: bool) -> None:

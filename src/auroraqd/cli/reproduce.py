@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from auroraqd.cli._shared import UserError, busy, console, errors
-from auroraqd.cli.discover import compile_kernels
+from auroraqd.cli.growing import compile_kernels
 
 if TYPE_CHECKING:
     from auroraqd.experiments import Settings

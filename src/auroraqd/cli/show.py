@@ -135,14 +135,13 @@ def report(folder: Path, figures: bool) -> None:
 
 
 def _what_ran(config: Mapping[str, Any]) -> list[tuple[str, str]]:
-    from auroraqd.provenance import called, task_in
+    from auroraqd.provenance import task_named
 
     archive = config.get("archive")
     kind = archive.get("type") if isinstance(archive, dict) else None
-    task = config.get("task") or (called(found) if (found := task_in(config)) else None)
     emitters = [each for each in [config.get("emitter"), *_first_of_pairs(config.get("emitters"))] if isinstance(each, dict)]
     makers = [str(each.get("type")) for each in emitters if each.get("type") != "Genetic"]
-    words = [task, config.get("descriptor"), kind, *makers, f"seed {config.get('seed')}"]
+    words = [task_named(config), config.get("descriptor"), kind, *makers, f"seed {config.get('seed')}"]
     return [("run", ", ".join(str(word) for word in words if word is not None))]
 
 

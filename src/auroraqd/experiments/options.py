@@ -44,11 +44,10 @@ def imported(module: str, name: str, n_genes: int | None = None) -> Any:
         known = hasattr(task, "n_genes")
     except Exception as error:
         raise ValueError(f"n_genes of task {text} raised {type(error).__name__}: {error}") from None
-    if not known and n_genes is not None:
-        return task
-    if not known:
+    if known:
+        whole(f"n_genes of task {text}", getattr(task, "n_genes"))  # noqa: B009 - a function may have it
+    elif n_genes is None:
         raise ValueError(f"task {text} must say how many genes it has: write {name}.n_genes = 8 in {module}, for instance")
-    whole(f"n_genes of task {text}", getattr(task, "n_genes"))  # noqa: B009 - a function may have it
     return task
 
 

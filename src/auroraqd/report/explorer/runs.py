@@ -15,7 +15,7 @@ from sklearn.neighbors import NearestNeighbors
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.history import History
-from auroraqd.provenance import called, task_in
+from auroraqd.provenance import task_named
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.moments import moments
 from auroraqd.report.explorer.places import genes_of, truth_names
@@ -207,7 +207,7 @@ def _place(spaces: Mapping[str, Any]) -> tuple[str, np.ndarray]:
 
 def _facts(repertoire: Repertoire, config: Mapping[str, Any]) -> list[list[str]]:
     """What there is to say of the run, names and values."""
-    task = config.get("task") or (called(found) if (found := task_in(config)) else None)
+    task = task_named(config)
     facts = [["task", task], ["descriptor", config.get("descriptor")], ["seed", config.get("seed")]]
     with suppress(OSError, ValueError):
         last = repertoire.history.last
