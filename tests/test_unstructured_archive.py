@@ -246,6 +246,18 @@ def test_places_taken_agree_with_their_twin(seed):
     assert {id: place - 1 for id, place in enumerate(places) if place} == {id: row for row, id in enumerate(occupants)}
 
 
+@given(st.lists(st.booleans(), min_size=1, max_size=9))
+def test_what_became_of_some_among_others(which):
+    some = int(np.sum(which))
+    info = base.Info(np.arange(some, dtype=np.int8), 10 + np.arange(some), np.array([7]), np.arange(some) / 4)
+    found, taken = info.among(np.array(which)), 0
+    for i, one in enumerate(which):
+        wanted = (taken, 10 + taken, taken / 4) if one else (base.INVALID, -1, np.nan)
+        assert_array_equal((found.status[i], found.row[i], found.gain[i]), wanted)
+        taken += one
+    assert found.removed.tolist() == [7]
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_credit_agrees_with_its_twin(seed):
     rng = np.random.default_rng(seed)

@@ -172,7 +172,7 @@ def numeric(
     if axes not in (None, array.ndim) or (rows and array.ndim == 0) or (some and array.size == 0):
         wanted = shape.removeprefix(" of shape ") or {1: "(n,)", 2: "(n, columns)"}.get(axes or 0, "(n, ...)")
         raise ValueError(f"{name} must have shape {wanted}{', with entries' if some else ''}, got {array.shape}")
-    if finite and not finite_rows(np.atleast_1d(array)).all():
+    if finite and not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite, got a NaN or an infinity")
     return array
 
@@ -268,17 +268,3 @@ def _in_short(name: str, value: Any) -> str:
     if streams is not None:
         return ", ".join(_in_short(f"{name} {stream}", value[stream]) for stream in streams)
     return f"{name}={value}" if value is None or np.size(value) <= 10 else f"{name}: {value.dtype} {value.shape}"
-
-
-def finite_rows(rows: np.ndarray) -> np.ndarray:
-    """(n,) bool: which rows of (n, ...) hold neither a NaN nor an infinity."""
-    if rows.dtype.names is not None:
-        return np.logical_and.reduce([finite_rows(rows[name]) for name in rows.dtype.names])
-    if rows.dtype.kind != "f":
-        return np.ones(len(rows), bool)
-    finite = np.isfinite(rows)
-    if rows.ndim == 1:
-        return finite
-    if finite.all():  # the common case, at once instead of row by row
-        return np.ones(len(rows), bool)
-    return np.asarray(finite.reshape(len(rows), -1).all(axis=1))

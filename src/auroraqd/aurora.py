@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike
 from auroraqd._checks import (
     MOST_SEED,
     check_genotypes,
-    finite_rows,
     flag,
     function,
     instance,
@@ -48,7 +47,7 @@ from auroraqd.emitters.selection import Curiosity
 from auroraqd.emitters.variation import Polynomial
 from auroraqd.history import History, Record
 from auroraqd.individuals import Columns, check_like
-from auroraqd.observations import features_of, observations
+from auroraqd.observations import features_of, finite_rows, observations
 from auroraqd.provenance import changed, described
 from auroraqd.tasks import Evaluation, checked
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auroraqd._checks import finite_rows, instance, mapping, numbers, numeric, rows_of, whole_numbers
-from auroraqd.observations import check_same_streams, has_streams, observations, streams_of
+from auroraqd._checks import instance, mapping, numbers, numeric, rows_of, whole_numbers
+from auroraqd.observations import check_same_streams, finite_rows, has_streams, observations, streams_of
 
 
 class Kind(NamedTuple):

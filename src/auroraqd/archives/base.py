@@ -16,12 +16,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, mapping, numbers, numeric, shown, whole, whole_numbers
+from auroraqd._checks import mapping, numbers, numeric, shown, whole, whole_numbers
 from auroraqd._compiled import compiled
 from auroraqd._interrupts import uninterrupted
 from auroraqd._notebooks import card, facts_of
 from auroraqd.archives.population import Population, Rows
 from auroraqd.individuals import KNOWN, Columns, Individuals, check_dimensions, check_like, measured, stored
+from auroraqd.observations import finite_rows
 
 REJECTED, NEW, REPLACED, INVALID = 0, 1, 2, -1
 """The status of an individual after `Archive.add`."""
@@ -70,8 +71,8 @@ class Info(NamedTuple):
 
     def among(self, which: np.ndarray) -> Info:
         """Of n individuals of which these are the ones where (n,) bool is true, and the others invalid."""
-        found = Info.none(len(which))._replace(removed=self.removed)
-        found.status[which], found.row[which], found.gain[which] = self.status, self.row, self.gain
+        found = Info(np.empty(len(which), np.int8), np.empty(len(which), np.int64), self.removed, np.empty(len(which)))
+        _spread(which, self.status, self.row, self.gain, found.status, found.row, found.gain)
         return found
 
     def only(self, which: np.ndarray) -> Info:
@@ -272,22 +273,23 @@ class Archive(Individuals, ABC):
 
     def _insert_valid(self, batch: Columns) -> Info:
         size, n = len(self), batch.rows
-        batch = batch | {"curiosity": np.zeros(n), **{name: np.zeros(n, kind) for name, kind in self.own.items()}}
-        numbered = batch | {"id": np.arange(self._next_id, self._next_id + n)}  # there may be fewer in the end
+        zeros = {"curiosity": np.zeros(n), **{name: np.zeros(n, kind) for name, kind in self.own.items()}}
+        batch = batch | {**zeros, "id": np.arange(self._next_id, self._next_id + n)}  # there may be fewer in the end
         if size == 0:
-            self._population = Population(numbered)
+            self._population = Population(batch)
             self.reindex()
-        status, row, evicted = self._decide(numbered)
+        status, row, evicted = self._decide(batch)
         row = np.array(row, np.int64)
         # From here on each has its place, and nothing may fail.
         self._population.reserve(size + int(np.count_nonzero(status == NEW)))
         self._where.reserve(self._next_id + n)
         ids, stored = self._population.raw("id"), self._population.raw("fitness")
         fitness, gain = np.ascontiguousarray(batch["fitness"]), np.full(n, np.nan)
+        # Which writes id and fitness; the rest follows.
         size, self._next_id, staying, removed = _settled(
             row, fitness, size, self._next_id, ids, stored, self._where.places, gain
         )
-        self._population.write(row[staying], batch.chosen(staying), size)
+        self._population.write(row[staying], batch.chosen(staying), size, but=("id", "fitness"))
         info = Info(status, row, removed, gain)
         return info if len(evicted) == 0 else self._evicted(info, evicted)
 
@@ -446,6 +448,18 @@ def _credit(curiosity, places, ids, status):
 
 
 @compiled(nogil=True)
+def _spread(which, some_status, some_row, some_gain, status, row, gain):
+    """Fill the last three, of n individuals, from those of some, where (n,) bool is true; the others are invalid."""
+    taken = 0
+    for i in range(which.shape[0]):
+        if which[i]:
+            status[i], row[i], gain[i] = some_status[taken], some_row[taken], some_gain[taken]
+            taken += 1
+        else:
+            status[i], row[i], gain[i] = INVALID, -1, np.nan
+
+
+@compiled(nogil=True)
 def _settled(row, fitness, size, next_id, ids, stored_fitness, places, gain):
     """Give those that are stored ids, and their places, one after the other.
 
@@ -504,13 +518,19 @@ def _sound(status, row, size):
     return True
 
 
+def _as_ours(column: Any, dtype: type, n: int) -> bool:
+    return type(column) is np.ndarray and column.dtype == dtype and column.shape == (n,)
+
+
 def _problem(placement: Placement, n: int, size: int) -> str | None:
     """What is wrong with what was decided about n individuals for an archive of this size, in words."""
     status, row, evicted = placement
+    if len(evicted) == 0 and _as_ours(status, np.int8, n) and _as_ours(row, np.int64, n) and _sound(status, row, size):
+        return None
     for name, column in (("status", status), ("row", row)):
         if not isinstance(column, np.ndarray) or column.shape != (n,) or column.dtype.kind not in "iu":
             return f"must return {name} as whole numbers of shape ({n},), got {shown(column)}"
-    if len(evicted) == 0 and _sound(status.astype(np.int8, copy=False), row.astype(np.int64, copy=False), size):
+    if len(evicted) == 0 and _sound(status.astype(np.int8), row.astype(np.int64), size):
         return None
     if not ((status >= REJECTED) & (status <= REPLACED)).all():
         return f"must return a status of {REJECTED}, {NEW} or {REPLACED} for each, got {shown(np.unique(status))}"

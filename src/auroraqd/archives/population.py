@@ -3,7 +3,7 @@
 Columns take their shape and dtype from the first individuals, so images stay uint8.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection
 
 import numpy as np
 
@@ -43,10 +43,11 @@ class Population:
         """The whole array of a column, unused rows included, for kernels that write. Invalid after `write`."""
         return self._columns[name]
 
-    def write(self, target: np.ndarray, rows: Mapping[str, np.ndarray], size: int) -> None:
-        """Write rows at these places, for which there is room, and have `size` in all."""
-        for name, values in rows.items():
-            self._columns[name][target] = values
+    def write(self, target: np.ndarray, rows: Columns, size: int, *, but: Collection[str] = ()) -> None:
+        """Write rows at these places, for which there is room, and have `size` in all; but for the columns that were written."""
+        for name, column in self._columns.items():
+            if name not in but:
+                column[target] = rows[name]
         self._size = size
 
     def reserve(self, rows: int) -> None:

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, number
+from auroraqd._checks import number
 from auroraqd.archives.base import Info
 from auroraqd.archives.grid import GridArchive
 from auroraqd.individuals import Columns
 from auroraqd.metrics import grid_of
+from auroraqd.observations import finite_rows
 
 _OF = ("ground_truth", "descriptor")
 

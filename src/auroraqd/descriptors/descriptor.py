@@ -15,13 +15,13 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auroraqd._checks import finite_rows, numbers, rows_of, shown
+from auroraqd._checks import numbers, rows_of, shown
 from auroraqd._interrupts import check_interrupt
 from auroraqd.descriptors import _solvers, supervised
 from auroraqd.descriptors._affine import Affine
 from auroraqd.descriptors.scaling import Scaler, Scaling
 from auroraqd.individuals import Columns
-from auroraqd.observations import Layout, described, flat, layout_of, observations, unflattened
+from auroraqd.observations import Layout, described, finite_rows, flat, layout_of, observations, unflattened
 
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"

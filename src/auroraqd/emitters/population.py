@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import finite_rows, function, in_words, whole
+from auroraqd._checks import function, in_words, whole
 from auroraqd.archives._ranked import mean_distance, nearest
 from auroraqd.archives.base import INVALID, Archive, Info
 from auroraqd.emitters.selection import surprise
 from auroraqd.emitters.variation import Gaussian, Polynomial
 from auroraqd.individuals import Columns
+from auroraqd.observations import finite_rows
 
 _KEPT = ("genotype", "fitness", "observation", "ground_truth", "descriptor", "reconstruction_error", "born", "id")
 

@@ -213,9 +213,7 @@ def _roulette(score, spins, rows):
     Returns:
         False, and rows undefined, when all slots are of width 0.
     """
-    low = 0.0
-    for row in range(score.shape[0]):
-        low = min(low, score[row])
+    low = min(_lowest(score), 0.0)
     blocks = (score.shape[0] + _BLOCK - 1) // _BLOCK
     ends = np.empty(blocks)
     total = 0.0
@@ -227,17 +225,33 @@ def _roulette(score, spins, rows):
         ends[block] = total
     if total == 0:
         return False
+    # Neither search has a branch that depends on the place: each that is guessed wrong costs as much as a block.
     for i in range(spins.shape[0]):
         place = spins[i] * total
-        block, after = 0, blocks - 1  # the first that ends beyond the place, or the last, is between these
-        while block < after:
-            middle = (block + after) // 2
-            beyond = ends[middle] > place
-            block, after = (block if beyond else middle + 1), (middle if beyond else after)
-        row = block * _BLOCK
-        end = (ends[block - 1] if block > 0 else 0.0) + score[row] - low
-        while end <= place and row + 1 < score.shape[0]:
-            row += 1
+        block, others = 0, blocks - 1  # the first that ends beyond the place, or the last, is this or one of the others
+        while others > 0:
+            half = (others + 1) // 2
+            block += half if ends[block + half - 1] <= place else 0
+            others -= half
+        first = block * _BLOCK
+        end, passed = ends[block - 1] if block > 0 else 0.0, 0
+        for row in range(first, min(first + _BLOCK, score.shape[0]) - 1):
             end += score[row] - low
-        rows[i] = row
+            passed += 1 if end <= place else 0
+        rows[i] = first + passed
     return True
+
+
+@compiled(nogil=True, fastmath={"nnan"})
+def _lowest(score):
+    """The lowest of (n,) scores, n >= 1; in lanes, as a minimum waits for the one before."""
+    lanes = np.full(_BLOCK, score[0])
+    whole = score.shape[0] - score.shape[0] % _BLOCK
+    for start in range(0, whole, _BLOCK):
+        for lane in range(_BLOCK):
+            value = score[start + lane]
+            lanes[lane] = value if value < lanes[lane] else lanes[lane]
+    lowest = lanes.min()
+    for row in range(whole, score.shape[0]):
+        lowest = min(lowest, score[row])
+    return lowest
