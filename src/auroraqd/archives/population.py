@@ -44,7 +44,7 @@ class Population:
         return self._columns[name]
 
     def write(self, target: np.ndarray, rows: Columns, size: int, *, but: Collection[str] = ()) -> None:
-        """Write rows at these places, for which there is room, and have `size` in all; but for the columns that were written."""
+        """Write rows at these places, for which there is room, and have `size` in all. Columns in `but` have been written."""
         for name, column in self._columns.items():
             if name not in but:
                 column[target] = rows[name]
