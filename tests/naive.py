@@ -269,11 +269,12 @@ def step(genes, mutated, spins, exponent):
     ]
 
 
-def affine(observations, center, factor, weight, offset, back, back_offset):
+def affine(observations, center, factor, limit, weight, offset, back, back_offset):
     """Descriptors of scaled observations, and root mean square errors of their reconstructions, row by row."""
     descriptors, errors = [], []
     for observation in observations:
         row = [(value - c) * f for value, c, f in zip(observation, center, factor, strict=True)]
+        row = [max(-most, min(most, value)) for value, most in zip(row, limit, strict=True)]
         z = [b + sum(value * w for value, w in zip(row, line, strict=True)) for line, b in zip(weight, offset, strict=True)]
         expected = [b + sum(c * line[j] for c, line in zip(z, back, strict=True)) for j, b in enumerate(back_offset)]
         descriptors.append(z)

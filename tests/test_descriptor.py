@@ -18,8 +18,10 @@ from auroraqd.individuals import Columns
 def test_affine_descriptors_agree_with_their_twin(n, features, d, dtype):
     rng = np.random.default_rng(n)
     observation = (100 * rng.random((n, features))).astype(dtype)
-    shapes = (features, features, (d, features), d, (d, features), features)
-    affine = Affine(*(rng.normal(size=shape) for shape in shapes))
+    shapes = ((d, features), d, (d, features), features)
+    limit = rng.choice([1.0, 20.0, np.inf], features)
+    scaling = rng.normal(size=features), rng.normal(size=features), limit
+    affine = Affine(*scaling, *(rng.normal(size=shape) for shape in shapes))
     z, error = naive.affine(observation.tolist(), *(part.tolist() for part in affine))
     assert_allclose(affine.describe(observation)[0], z, rtol=1e-9, atol=1e-9)
     assert_allclose(affine.describe(observation)[1], error, rtol=1e-9)

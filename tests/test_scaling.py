@@ -25,6 +25,24 @@ def test_each_channel_fills_its_range_and_comes_back(observation):
     assert_allclose(scaler.inverse(x).reshape(observation.shape), observation, rtol=1e-9, atol=1e-6)
 
 
+@given(
+    arrays(float, st.tuples(st.integers(1, 6), st.integers(1, 4), st.integers(1, 3)), elements=st.integers(-5, 5).map(float)),
+    st.lists(st.sampled_from([-1e300, -1e5, -3.0, 0.0, 9e3, 1e4 + 1, 1e12]), min_size=1, max_size=9),
+)
+def test_nothing_lies_farther_out_than_the_limit(observation, entries):
+    scaler = Scaling.of(observation).scaler(observation[0].size)
+    given = np.resize(entries, (2, observation[0].size))
+    varied = np.ptp(observation.reshape(-1, observation.shape[-1]), axis=0) > 0
+    varied = np.tile(varied, given.shape[1] // observation.shape[-1])
+    wanted = (given - scaler.center) / scaler.half
+    limited = np.where(varied, np.clip(wanted, -1e4, 1e4), wanted)
+    assert_allclose(scaler(given), limited, rtol=1e-9, atol=1e-9)
+    assert_allclose((scaler.within(given) - scaler.center) / scaler.half, limited, rtol=1e-6, atol=1e-6)
+    unlimited = Scaling.of(observation).unlimited().scaler(observation[0].size)
+    assert_allclose(unlimited(given), wanted, rtol=1e-9, atol=1e-9)
+    assert unlimited.within(given) is given
+
+
 def test_no_rows():
     scaler = Scaling.of(np.ones((2, 3, 2))).scaler(6)
     assert scaler(np.empty((0, 3, 2))).shape == (0, 6)

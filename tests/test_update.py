@@ -241,6 +241,35 @@ def test_one_outlier_does_not_decide_for_all():
     assert len(grown(False).archive) < 50  # by the rule of the paper
 
 
+@pytest.mark.filterwarnings("ignore:.* far outside the others", "ignore:no update of the descriptor")
+@pytest.mark.parametrize("resumed", [False, True])
+def test_simulations_that_blow_up_do_not_breed(tmp_path, resumed):
+    def task(genotypes):
+        observation = plane(genotypes)
+        bad = genotypes[:, 0] > 0.97
+        observation[bad] *= 1e6 * (1 + genotypes[bad, 1, None, None])
+        return observation
+
+    def grown(robust):
+        def run(aurora, generations):
+            return aurora.run(task, generations=generations, initial=first if generations == 1 else None)
+
+        first = 0.9 * np.random.default_rng(0).random((100, 2))
+        options = {"schedule": auroraqd.Every(20), "batch_size": 100, "robust": robust, "survival": 0}
+        aurora = run(Aurora(2, PCA(n_components=2), seed=0, resolution=auroraqd.VAT(1000, robust=robust), **options), 1)
+        if resumed:
+            auroraqd.save(aurora, tmp_path / str(robust))
+            aurora = auroraqd.resume(tmp_path / str(robust))
+        archive = run(aurora, 60).archive
+        return len(archive), np.count_nonzero(archive.genotype[:, 0] > 0.97)
+
+    stored, bad = grown(True)
+    assert stored > 300
+    assert bad < 30
+    stored, bad = grown(False)
+    assert stored - bad < 10  # what was found is lost
+
+
 @pytest.mark.filterwarnings("ignore:.*descriptors lies far outside")
 def test_the_first_batch_may_hold_an_outlier():
     calls = []

@@ -152,7 +152,7 @@ class Aurora:
         if prior is not None:
             if not self._descriptor.learned:
                 raise ValueError(f"prior is for descriptors that are learned, not for {shown(descriptor)}")
-            self._descriptor = self._descriptor.refitted(_observed("prior", prior))
+            self._descriptor = self._descriptor.refitted(_observed("prior", prior), limited=self.robust)
         self._waiting: Columns | None = None  # individuals told before there were enough for a first fit
         self._update_due = False  # an update was scheduled when there was nothing to update on
         self._attempts = Attempts()  # at updates, since the last that was taken

@@ -72,7 +72,7 @@ def updated(
         individuals: n, that it is updated on.
         before: (n, d), their descriptors so far; None while there are none.
         refit: whether the descriptor is fitted on them.
-        robust: whether observations far outside the others are set aside for that.
+        robust: whether observations far outside the others are set aside for that, and later ones limited.
         resolution: gives l.
 
     Raises:
@@ -83,7 +83,7 @@ def updated(
     try:
         if refit:
             fitted = _fitted_on(individuals, robust)
-            descriptor = descriptor.refitted(fitted["observation"], fitted.get("fitness"))
+            descriptor = descriptor.refitted(fitted["observation"], fitted.get("fitness"), limited=robust)
         values, error = descriptor.describe(individuals)
     except DescriptorError as error:
         if not descriptor.learned or isinstance(error, Mismatch):

@@ -17,13 +17,14 @@ class Affine(NamedTuple):
     """From observations, flattened to (n, features), to descriptors, (n, d), and back to scaled observations.
 
     Attributes:
-        center, factor: (features,) each, of the scaling to [-1, 1].
+        center, factor, limit: (features,) each, of the scaling to [-1, 1], and how far outside anything may lie.
         weight, offset: (d, features) and (d,): a scaled observation to its descriptor.
         back, back_offset: (d, features) and (features,): a descriptor to the scaled observation expected there.
     """
 
     center: np.ndarray
     factor: np.ndarray
+    limit: np.ndarray
     weight: np.ndarray
     offset: np.ndarray
     back: np.ndarray
@@ -33,7 +34,8 @@ class Affine(NamedTuple):
     def of(cls, scaler: Scaler, encode: Any, decode: Any) -> "Affine":
         """Two affine functions, from scaled observations, (n, features), and back, as matrices."""
         weight, offset = _matrix(encode, len(scaler.center))
-        return cls(scaler.center, scaler.factor, np.ascontiguousarray(weight.T), offset, *_matrix(decode, len(offset)))
+        scaling = scaler.center, scaler.factor, scaler.limit
+        return cls(*scaling, np.ascontiguousarray(weight.T), offset, *_matrix(decode, len(offset)))
 
     def describe(self, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Descriptors, (n, d), and the root mean square errors of their reconstructions, (n,), on the scale [-1, 1]."""
@@ -55,13 +57,13 @@ def _matrix(function: Any, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @compiled(nogil=True, fastmath={"reassoc", "contract"})
-def _describe(observation, center, factor, weight, offset, back, back_offset, z, error):
+def _describe(observation, center, factor, limit, weight, offset, back, back_offset, z, error):
     """Fill z, (n, d), and error, (n,); see `Affine`."""
     features = observation.shape[1]
     row = np.empty(features)
     for i in range(observation.shape[0]):
         for j in range(features):
-            row[j] = (observation[i, j] - center[j]) * factor[j]
+            row[j] = min(max((observation[i, j] - center[j]) * factor[j], -limit[j]), limit[j])
         for c in range(weight.shape[0]):
             total = 0.0
             for j in range(features):

@@ -238,7 +238,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(best.network)]
         self.network_ = kind
         self.architecture_ = {"shape": list(shape), "n_components": int(self.n_components)}
-        self.low_, self.high_ = scaling
+        self.low_, self.high_, _ = scaling
         self.epochs_ = last.epochs
         self.validation_rmse_ = last.rmse if last.validated else math.nan
         self.training_rmse_ = best.rmse
@@ -415,7 +415,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         return Data(scaler(x).astype(np.float32), None, targets, variance)
 
     def _scaler(self) -> Scaler:
-        return self.scaling_.scaler(math.prod(self.observation_shape_))
+        return self.scaling_.unlimited().scaler(math.prod(self.observation_shape_))
 
     def _in_use(self) -> InUse:
         """The fitted network. In NumPy it is one of float64: then a copy described in a batch of another size differs in its

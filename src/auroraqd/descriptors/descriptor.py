@@ -143,13 +143,20 @@ class Descriptor:
         return finite
 
     def refitted(
-        self, observation: np.ndarray, fitness: np.ndarray | None = None, weights: Mapping[str, float] | None = None
+        self,
+        observation: np.ndarray,
+        fitness: np.ndarray | None = None,
+        *,
+        weights: Mapping[str, float] | None = None,
+        limited: bool = True,
     ) -> "Descriptor":
-        """A new descriptor, learned from observations, (n, ...), and, if it is supervised, from their fitness, (n,).
+        """A new descriptor, learned from observations; the old one stays as it was, whatever happens.
 
-        Streams count by their weights, if they have some.
-
-        The old one stays as it was, whatever happens.
+        Args:
+            observation: (n, ...).
+            fitness: (n,), of which it learns too if it is supervised.
+            weights: by which streams count.
+            limited: whether later ones count as no farther out than the range of these allows; see `scaling`.
 
         Raises:
             DescriptorError: the transformer cannot be fitted.
@@ -158,7 +165,8 @@ class Descriptor:
         joined = observation if layout is None else flat(observation)
         shape = joined.shape[1:]
         if isinstance(self.source, str):
-            return self.restored(Scaling.of(observation), shape, layout)
+            scaling = Scaling.of(observation)
+            return self.restored(scaling if limited else scaling.unlimited(), shape, layout)
         transformer: Any = self._copied(self.source)
         raw = _reads_raw(transformer, shape, observation.dtype)
         scaling = None if raw else Scaling.of(observation, weights)
@@ -176,7 +184,8 @@ class Descriptor:
             # A copy has each array in one piece, as a file has it. In pieces, products would be rounded in another way, and a
             # run that goes on from a file would take another course.
             transformer = self._copied(transformer)
-        return Descriptor(transformer).restored(transformer.scaling_ if scaling is None else scaling, shape, layout, raw)
+        scaling = transformer.scaling_ if scaling is None else scaling
+        return Descriptor(transformer).restored(scaling if limited else scaling.unlimited(), shape, layout, raw)
 
     @staticmethod
     def _copied(transformer: Any) -> Any:
@@ -298,7 +307,7 @@ class Descriptor:
         """Observations, (n, ...), as (n, features), scaled unless the transformer does that."""
         assert self.scaler is not None  # it is ready
         flat = self._flat(observation)
-        return flat if self.raw else self.scaler(flat)
+        return self.scaler.within(flat) if self.raw else self.scaler(flat)
 
     def _encoded(self, x: np.ndarray) -> np.ndarray:
         try:

@@ -1,7 +1,9 @@
 """Scaling: each channel of an observation from its range to [-1, 1], which is what learned descriptors read.
 
 A range hangs on its two ends, and one simulation that blew up would press all others into a point. `far_outside` finds such
-individuals, so that what is learned is learned from the others.
+individuals, so that what is learned is learned from the others. What comes later counts as at most ten thousand times as far
+out as the range goes: any two that blew up would be new to each other, all would be stored, and their offspring after them,
+until an update keeps them and not the others. A robot that at last touches something goes a thousand times as far, if at all.
 
 Of several streams, each is scaled like that, and then so weighted that it counts alike, whatever its width: the mean square of
 all entries is the mean over the streams of theirs.
@@ -19,6 +21,7 @@ _TYPICAL = 0.99  # share of the individuals that say how large the others may be
 _FEWEST = 20  # individuals: of fewer nobody can say which is not like the others
 _BLOCK = 2**18  # bytes looked at together, which fit into a cache
 _FAR = 10.0  # times as far from the middle as `_TYPICAL` of the individuals
+_FARTHEST = 1e4  # times as far as the range of those that were fitted on
 
 
 def far_outside(observation: np.ndarray) -> np.ndarray:
@@ -82,10 +85,12 @@ class Scaling(NamedTuple):
     Attributes:
         low, high: (channels,) float64; of streams one for each entry, wider or narrower than its range as the stream counts
             less or more.
+        limit: (channels,), how far from 0 an entry may lie when it is scaled; or (1,), of all.
     """
 
     low: np.ndarray
     high: np.ndarray
+    limit: np.ndarray = np.full(1, _FARTHEST)
 
     @classmethod
     def of(cls, observation: np.ndarray, weights: Mapping[str, float] | None = None) -> "Scaling":
@@ -105,10 +110,14 @@ class Scaling(NamedTuple):
         for name, stream in streams.items():
             width = math.prod(stream.shape[1:])
             factor = weights.get(name, 1.0) * math.sqrt(features_of(observation) / (total * width))
-            low, high = (np.tile(end, width // len(end)) for end in cls.of(stream))
+            low, high = (np.tile(end, width // len(end)) for end in cls.of(stream)[:2])
             center, half = high / 2 + low / 2, (high / 2 - low / 2) / factor
-            ends.append((center - half, center + half))
+            ends.append((center - half, center + half, np.full(width, _FARTHEST * factor)))
         return cls(*(np.nan_to_num(np.concatenate(parts)) for parts in zip(*ends, strict=True)))
+
+    def unlimited(self) -> "Scaling":
+        """The same, by which everything lies where it lies."""
+        return self._replace(limit=np.full(1, np.inf))
 
     @classmethod
     def pixels(cls, images: np.ndarray) -> "Scaling":
@@ -123,23 +132,36 @@ class Scaling(NamedTuple):
     def scaler(self, features: int) -> "Scaler":
         """What scales observations of this many features in all."""
         half = self.high / 2 - self.low / 2
-        half = np.where(half > np.finfo(np.float64).tiny, half, 1.0)
-        repeats = features // len(half)
-        return Scaler(np.tile(self.high / 2 + self.low / 2, repeats), np.tile(1 / half, repeats), np.tile(half, repeats))
+        constant = half <= np.finfo(np.float64).tiny  # which says nothing of how far it may go
+        half = np.where(constant, 1.0, half)
+        limit = np.where(constant, np.inf, self.limit)
+        return Scaler(*(np.tile(part, features // len(half)) for part in (self.high / 2 + self.low / 2, 1 / half, half, limit)))
 
 
 class Scaler(NamedTuple):
-    """(n, ...) observations to (n, features) float64, scaled. One entry a feature, not a channel: it is faster."""
+    """(n, ...) observations to (n, features) float64, scaled, and no farther from 0 than `limit`.
+
+    One entry a feature, not a channel: it is faster.
+    """
 
     center: np.ndarray
     factor: np.ndarray
     half: np.ndarray
+    limit: np.ndarray
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """See the class."""
         flat = observation.reshape(len(observation), len(self.center)) - self.center
         flat *= self.factor
-        return flat
+        return np.clip(flat, -self.limit, self.limit, out=flat)
+
+    def within(self, observation: np.ndarray) -> np.ndarray:
+        """(n, features), not scaled: no farther out than `limit` allows; of whole numbers and bools, which have no room, as is."""
+        if observation.dtype.kind != "f" or np.isinf(self.limit).all():
+            return observation
+        with np.errstate(over="ignore"):  # at the ends of float64: anything is within
+            most = self.limit * self.half
+        return np.clip(observation, self.center - most, self.center + most).astype(observation.dtype, copy=False)
 
     def inverse(self, x: np.ndarray) -> np.ndarray:
         """(n, features), scaled, back to the units of the observations."""

@@ -255,6 +255,7 @@ class Streams:
                 "transformer": part.descriptor.source,
                 "low": part.descriptor.scaling.low,  # pyright: ignore[reportOptionalMemberAccess]
                 "high": part.descriptor.scaling.high,  # pyright: ignore[reportOptionalMemberAccess]
+                "limit": part.descriptor.scaling.limit,  # pyright: ignore[reportOptionalMemberAccess]
                 "shape": list(part.descriptor.shape),
                 "factor": part.factor,
                 "d": part.d,
@@ -265,7 +266,7 @@ class Streams:
         if not parts:
             return given
         like = [[name, stream.dtype.str, list(stream.shape[1:])] for name, stream in streams_of(self._like).items()]
-        return {**given, "parts": parts, "like": like, "low": self.scaling_.low, "high": self.scaling_.high}
+        return {**given, "parts": parts, "like": like, **self.scaling_._asdict()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.together, self.each, self.weights = state["together"], dict(state["each"]), dict(state["weights"])
@@ -275,7 +276,7 @@ class Streams:
         self._like = joined({name: np.empty((0, *shape), kind) for name, kind, shape in state["like"]})
         for part in state["parts"]:
             layout = None if part["name"] else layout_of(self._like)
-            scaling = Scaling(part["low"], part["high"])
+            scaling = Scaling(part["low"], part["high"], part["limit"])
             descriptor = Descriptor(copy.copy(part["transformer"])).restored(scaling, tuple(part["shape"]), layout)
             self._parts[part["name"]] = _Part(descriptor, part["factor"], part["d"])
-        self.scaling_ = Scaling(state["low"], state["high"])
+        self.scaling_ = Scaling(state["low"], state["high"], state["limit"])

@@ -98,6 +98,10 @@ def _check_observations(values: Mapping[str, Any], arrays: Mapping[str, np.ndarr
     if low is None and high is None:
         return
     shape, layout = tuple(values["shape"]), as_layout(values.get("layout"))
+    if (limit := arrays.get("scaling.limit")) is not None:
+        check_array("scaling.limit", limit, axes=1, dtype=np.float64)
+        if len(limit) not in (1, *shape[-1:]) or not (limit > 0).all():
+            raise ValueError(f"scaling.limit must be one for all or one for each channel, above 0, got {shown(limit)}")
     if layout is not None:
         if shape != (sum(math.prod(one) for _, one in layout),):
             raise ValueError(f"layout must be of {shown(shape)} entries, got {shown(layout)}")

@@ -47,7 +47,8 @@ PREVIOUS = "repertoire.previous.safetensors"
 _PICTURES = ("repertoire.*", "history.*", "skills.*", "skill-*.*")  # in figures/, of what is stored
 _FORMAT = "auroraqd repertoire 2"
 _LEARNED, _BUDGET = "learned", "generations"
-_LOW, _HIGH, _TRANSFORMER, _STATE = "scaling.low", "scaling.high", "transformer.skops", "state.json"
+_LOW, _HIGH, _LIMIT, _TRANSFORMER = "scaling.low", "scaling.high", "scaling.limit", "transformer.skops"
+_STATE = "state.json"
 _Made = TypeVar("_Made")
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba", "jax", "equinox", "optax")
 
@@ -416,7 +417,7 @@ def _contents(aurora: Aurora, config: Mapping[str, Any] | None) -> tuple[dict[st
     kept = {} if config is None else {"config": {name: value for name, value in config.items() if name != _BUDGET}}
     arrays = {**state.arrays, _STATE: np.frombuffer(json.dumps({**state.values, **kept}).encode(), np.uint8)}
     if descriptor.scaling is not None:
-        arrays[_LOW], arrays[_HIGH] = descriptor.scaling
+        arrays[_LOW], arrays[_HIGH], arrays[_LIMIT] = descriptor.scaling
     if isinstance(descriptor.source, str):
         return arrays, descriptor.source
     try:
@@ -449,9 +450,8 @@ def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], values: Mapping[str
     if _LOW not in arrays or (kind != _LEARNED and kind != OBSERVATION):
         return descriptor
     try:
-        return descriptor.restored(
-            Scaling(arrays[_LOW], arrays[_HIGH]), tuple(values["shape"]), as_layout(values.get("layout"))
-        )
+        scaling = Scaling(*(arrays[name] for name in (_LOW, _HIGH, _LIMIT) if name in arrays))  # before 0.3 none had a limit
+        return descriptor.restored(scaling, tuple(values["shape"]), as_layout(values.get("layout")))
     except Exception as error:  # of what somebody wrote, anything
         raise ValueError(f"the descriptor is damaged: {type(error).__name__}: {error}") from None
 
