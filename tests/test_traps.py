@@ -173,3 +173,8 @@ def test_progress_is_shown_on_standard_error(capsys):
     assert shown.out == ""
     assert [" ".join(line.split()[:2]) for line in shown.err.splitlines()] == ["generation 3/3", "generation 3/3"]
     made().run(robot, seconds=0.01, progress=True)
+
+
+def test_a_class_of_transformers_is_none():
+    with pytest.raises(TypeError, match=r"with fit and transform, got .*PCA.*, of which one must be made: PCA\(\.\.\.\)"):
+        Aurora(8, PCA)

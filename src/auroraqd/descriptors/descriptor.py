@@ -109,8 +109,9 @@ class Descriptor:
                 raise ValueError(f"descriptor must be one of {', '.join(NAMES)}, or a transformer, got {source!r}")
             return cls(source)
         if isinstance(source, type) or not isinstance(source, Transformer):
+            made = f", of which one must be made: {source.__name__}(...)" if isinstance(source, type) else ""
             raise TypeError(
-                f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {shown(source)}"
+                f"descriptor must be one of {', '.join(NAMES)}, or an object with fit and transform, got {shown(source)}{made}"
             )
         if hasattr(source, "check_parameters"):
             source.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]
