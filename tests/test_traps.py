@@ -177,4 +177,4 @@ def test_progress_is_shown_on_standard_error(capsys):
 
 def test_a_class_of_transformers_is_none():
     with pytest.raises(TypeError, match=r"with fit and transform, got .*PCA.*, of which one must be made: PCA\(\.\.\.\)"):
-        Aurora(8, PCA)
+        auroraqd.Aurora(8, PCA)

@@ -156,7 +156,7 @@ class Scaler(NamedTuple):
         return np.clip(flat, -self.limit, self.limit, out=flat)
 
     def within(self, observation: np.ndarray) -> np.ndarray:
-        """(n, features), not scaled: no farther out than `limit` allows; of whole numbers and bools, which have no room, as is."""
+        """(n, features), not scaled: no farther out than `limit` allows; whole numbers and bools have no room and stay."""
         if observation.dtype.kind != "f" or np.isinf(self.limit).all():
             return observation
         with np.errstate(over="ignore"):  # at the ends of float64: anything is within
