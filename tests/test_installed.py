@@ -168,3 +168,17 @@ def test_all_kernels_find_a_place():
     """Numba's own `njit(cache=True)` raises where there is none."""
     for path in Path(auroraqd.__file__).parent.rglob("*.py"):
         assert path.name == "_compiled.py" or "cache=True" not in path.read_text().replace("cache: bool = True", ""), path
+
+
+def test_a_doctor_says_so(folder, place):
+    temporary = place / "temporary"
+    temporary.mkdir()
+    temporary.chmod(0o1777)
+    done = as_somebody(["-m", "auroraqd.cli", "doctor"], folder, TMPDIR=str(temporary))
+    assert done.returncode == 1
+    assert not done.stderr
+    wrong = done.stdout.partition("What is wrong:")[2]
+    for name, variable in (("compiled kernels", "NUMBA_CACHE_DIR"), ("centroids", "AURORAQD_CACHE"), ("fonts", "MPLCONFIGDIR")):
+        said = f"{name}: they are among temporary files, and go with them: {variable} must name a folder that can be written"
+        assert said in wrong
+    assert str(temporary) in done.stdout

@@ -13,7 +13,7 @@ from sklearn.preprocessing import StandardScaler
 import auroraqd
 from auroraqd.archives import NEW, REPLACED, Archive, Placement
 from auroraqd.emitters import Genetic
-from auroraqd.testing import check_archive, check_descriptor, check_emitter
+from auroraqd.testing import check_archive, check_descriptor, check_emitter, check_task
 
 
 class Recent(Archive):
@@ -407,3 +407,93 @@ class Fails(Ends):
 def test_a_broken_promise_of_a_descriptor_is_noticed(transformer, message):
     with pytest.raises(AssertionError, match=message):
         check_descriptor(transformer())
+
+
+# Tasks
+
+
+def arm(genotypes):
+    return np.cumsum(np.stack([np.cos(genotypes), np.sin(genotypes)], axis=2), axis=1)
+
+
+def windy(genotypes, seeds):
+    return arm(genotypes) + np.array([np.random.default_rng(seed).normal(size=2) for seed in seeds])[:, None]
+
+
+windy.seeded = True
+windy.n_genes = 3
+
+
+def with_streams(genotypes):
+    camera = np.zeros((len(genotypes), 4, 4), np.uint8)
+    camera[:, 0, 0] = 255 * genotypes[:, 0]
+    fitness = np.where(genotypes[:, 1] < 0.3, np.nan, 0.0)
+    return fitness, {"joints": genotypes * 2, "fitness": camera}, np.full((len(genotypes), 1), np.inf)
+
+
+def test_tasks_pass():
+    for task in (auroraqd.tasks.Ballistic(), auroraqd.tasks.AirHockey(), windy, auroraqd.tasks.repeated(windy, 2)):
+        check_task(task)
+    check_task(arm, n_genes=4)
+    check_task(with_streams, n_genes=2)
+    check_task(auroraqd.tasks.each(lambda genotype: genotype**2), n_genes=2)
+
+
+def says_three(genotypes):
+    return genotypes**2
+
+
+says_three.n_genes = 3
+says_three.genes = auroraqd.tasks.Genes(left=(0, 1), right=(0, 1))
+kept = np.empty((20, 2))
+
+
+def into_one_buffer(genotypes):
+    kept[: len(genotypes)] = genotypes[:, :2]
+    return kept[: len(genotypes)]
+
+
+def in_place(genotypes):
+    genotypes *= 2
+    return genotypes - 1
+
+
+def squeezed(genotypes):
+    return genotypes[:, 0], np.squeeze(genotypes[:, :2, None] * np.ones(len(genotypes)))
+
+
+def not_at_zero(genotypes):
+    return 1 / genotypes if genotypes.all() else [][0]
+
+
+BROKEN_TASKS = [
+    (says_three, "that n_genes and genes, if it has them, speak of as many genes: 2 and 3"),
+    (lambda g: g[:1], "that it returns a row for each genotype.*: it raised TaskError: .*must have 2 rows"),
+    (lambda g: (g[:, 0],), "that it returns a row for each genotype.*: it raised TaskError: .*must return a tuple"),
+    (lambda g: g.astype(np.float32 if len(g) > 1 else np.float64), "of the same shape and dtype.*float64.*float32"),
+    (squeezed, "of the same shape and dtype"),
+    (not_at_zero, "that it evaluates the lowest and the highest genotypes"),
+    (in_place, "that it does not change the genotypes"),
+    (into_one_buffer, "that what it has returned does not change when it is called again"),
+    (lambda g: g + np.random.default_rng().random(), "that one genotype does the same each time"),
+    (lambda g: g - g.mean(axis=0), "that a genotype does the same whatever others are in the batch.*alone"),
+    (lambda g: (g[:, 0] + len(g), g), "the fitness differs alone"),
+    (lambda g: 0 * g, "all observations are the same"),
+    (lambda g: np.nan * g, "0 of 8 are valid"),
+    (lambda g: (np.nan * g[:, 0], g), "0 of 8 are valid"),
+]
+
+
+@pytest.mark.parametrize(("task", "broken"), BROKEN_TASKS)
+def test_each_broken_promise_of_a_task_is_noticed(task, broken):
+    with pytest.raises(AssertionError, match=broken):
+        check_task(task, **({} if task is says_three else {"n_genes": 3}))
+
+
+def test_what_is_asked_of_tasks_is_said():
+    with pytest.raises(TypeError, match="task must be callable, an instance and not a class"):
+        check_task(auroraqd.tasks.Ballistic)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match="n_genes must be given for a task that does not say it"):
+        check_task(arm)
+    with pytest.raises(ValueError, match="n_genes must be a whole number, 1 or more, got 0"):
+        check_task(arm, n_genes=0)

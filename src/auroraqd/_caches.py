@@ -19,9 +19,9 @@ def cache_folder() -> Path | None:
     None where none of them can be written.
     """
     if given := os.environ.get("AURORAQD_CACHE"):
-        return Path(given) if _can_write(Path(given)) else None
+        return Path(given) if can_write(Path(given)) else None
     folder = _own_folder(partial(platformdirs.user_cache_dir, opinion=False), "auroraqd")
-    return folder if folder is not None and _can_write(folder) else private_folder()
+    return folder if folder is not None and can_write(folder) else private_folder()
 
 
 def _own_folder(kind: Callable[..., str], name: str) -> Path | None:
@@ -43,7 +43,7 @@ def private_folder() -> Path | None:
         trusted = sys.platform == "win32" or (_only_ours(path.lstat()) and _keeps_ours(parent.stat()))
     except OSError:
         return None
-    return path if trusted and _can_write(path) else None
+    return path if trusted and can_write(path) else None
 
 
 def _temporary_folder() -> str:
@@ -64,7 +64,7 @@ def _keeps_ours(parent: os.stat_result) -> bool:
     return bool(parent.st_mode & stat.S_ISVTX) or not parent.st_mode & 0o022
 
 
-def _can_write(folder: Path) -> bool:
+def can_write(folder: Path) -> bool:
     """Whether there is or can be such a folder, and files in it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -102,5 +102,5 @@ def place_for_matplotlib() -> None:
     if "MPLCONFIGDIR" in os.environ or not sys.platform.startswith(("linux", "freebsd")):
         return
     own = [_own_folder(kind, "matplotlib") for kind in (platformdirs.user_config_dir, platformdirs.user_cache_dir)]
-    if not all(folder and _can_write(folder) for folder in own) and (place := private_folder()):
+    if not all(folder and can_write(folder) for folder in own) and (place := private_folder()):
         os.environ["MPLCONFIGDIR"] = str(place / "matplotlib")

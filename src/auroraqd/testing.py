@@ -1,4 +1,4 @@
-"""Checks of one's own archives, emitters and descriptors: whether they keep what those of auroraqd promise::
+"""Checks of one's own tasks, archives, emitters and descriptors: whether they keep what those of auroraqd promise::
 
     from auroraqd.testing import check_archive
 
@@ -20,12 +20,15 @@ from typing import Any
 
 import numpy as np
 
-from auroraqd._checks import shown
+from auroraqd._checks import function, shown, whole
 from auroraqd.archives.base import INVALID, NEW, REJECTED, REPLACED, Archive, Placement
 from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.individuals import Columns
+from auroraqd.observations import finite_rows, streams_of
 from auroraqd.runs import _transformers
+from auroraqd.tasks import evaluated, name_of
+from auroraqd.tasks.noise import other_seeds
 
 _GENES = 3
 _SEEDS = range(1, 6)  # of batches
@@ -88,6 +91,29 @@ def check_descriptor(transformer: Any, *, trusted: Sequence[str] = ()) -> None:
         >>> auroraqd.testing.check_descriptor(PCA(n_components=2))
     """
     _run(_OF_DESCRIPTORS, lambda: type(transformer).__name__, transformer, trusted)
+
+
+def check_task(task: Callable[..., Any], *, n_genes: int | None = None) -> None:
+    """Check a task of one's own, by some dozens of evaluations.
+
+    Args:
+        task: see `auroraqd.tasks`.
+        n_genes: of its genotypes, if it does not say so itself.
+
+    Raises:
+        AssertionError: it breaks a promise.
+        ValueError: it is not known how many genes it has.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.testing.check_task(auroraqd.tasks.Ballistic())
+        >>> auroraqd.testing.check_task(lambda genotypes: genotypes[:, :2] ** 2, n_genes=3)
+    """
+    function("task", task)
+    known = getattr(task, "n_genes", None) if n_genes is None else n_genes
+    if known is None:
+        raise ValueError("n_genes must be given for a task that does not say it, got None")
+    _run(_OF_TASKS, lambda: name_of(task), task, whole("n_genes", known))
 
 
 def _run(checks: Iterable[Callable[..., None]], name: Callable[[], str], *arguments: Any) -> None:
@@ -636,4 +662,98 @@ _OF_DESCRIPTORS = (
     _refitting_leaves_the_old_one,
     _inverse_gives_observations,
     _can_be_saved,
+)
+
+
+# Tasks
+
+
+def _genotypes(n_genes: int, n: int = 8) -> np.ndarray:
+    return np.random.default_rng(0).random((n, n_genes))
+
+
+def _evaluation(task: Callable[..., Any], genotypes: np.ndarray, first: int = 0) -> dict[str, np.ndarray]:
+    """Fitness, each stream of observations, and ground truth if there is one, by what they are called."""
+    seeds = other_seeds(0, first + len(genotypes))[first:]
+    fitness, observation, truth = evaluated(task, genotypes, seeds, f"of {len(genotypes)} genotypes")
+    streams = streams_of(observation)
+    observed = {f"observation {name}".removesuffix(" observation"): values for name, values in streams.items()}
+    return {"fitness": fitness, **observed, **({} if truth is None else {"ground truth": truth})}
+
+
+def _check_same_results(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], what: str, off: float = 0.0) -> None:
+    for name, values in one.items():
+        scale = np.abs(values[np.isfinite(values)], dtype=np.float64).max(initial=0.0)
+        same = np.allclose(values, other[name], rtol=0, atol=off * scale, equal_nan=True)
+        _see(same, f"the {name} differs {what}")
+
+
+def _says_how_many_genes(task: Callable[..., Any], n_genes: int) -> None:
+    """n_genes and genes, if it has them, speak of as many genes."""
+    for said in (getattr(task, "n_genes", n_genes), len(getattr(task, "genes", range(n_genes)))):
+        _see(said == n_genes, f"{said} and {n_genes}")
+
+
+def _returns_rows(task: Callable[..., Any], n_genes: int) -> None:
+    """it returns a row for each genotype, of the same shape and dtype for any number of them."""
+    kinds = {}
+    for n in (1, 2, 7):
+        found = _evaluation(task, _genotypes(n_genes, n))
+        kinds[n] = {name: (values.dtype.name, values.shape[1:]) for name, values in found.items()}
+        _see(kinds[n] == kinds[1], f"of one it returned {shown(kinds[1])}, and of {n} {shown(kinds[n])}")
+
+
+def _takes_bounds(task: Callable[..., Any], n_genes: int) -> None:
+    """it evaluates the lowest and the highest genotypes, 0 and 1."""
+    _evaluation(task, np.repeat([[0.0], [1.0]], n_genes, axis=1))
+
+
+def _leaves_genotypes(task: Callable[..., Any], n_genes: int) -> None:
+    """it does not change the genotypes that it is given."""
+    genotypes = _genotypes(n_genes)
+    _evaluation(task, genotypes)
+    _see(np.array_equal(genotypes, _genotypes(n_genes)), "they have changed")
+
+
+def _results_stay(task: Callable[..., Any], n_genes: int) -> None:
+    """what it has returned does not change when it is called again."""
+    found = _evaluation(task, _genotypes(n_genes))
+    held = {name: values.copy() for name, values in found.items()}
+    _evaluation(task, 1 - _genotypes(n_genes), first=20)
+    _check_same_results(held, found, "afterwards")
+
+
+def _does_the_same_again(task: Callable[..., Any], n_genes: int) -> None:
+    """one genotype does the same each time; if chance is in it, it says seeded = True, and the seeds decide."""
+    one, other = (_evaluation(task, _genotypes(n_genes)) for _ in range(2))
+    _check_same_results(one, other, "between two calls")
+
+
+def _does_the_same_alone(task: Callable[..., Any], n_genes: int) -> None:
+    """a genotype does the same whatever others are in the batch, but for rounding."""
+    genotypes = _genotypes(n_genes)
+    together = _evaluation(task, genotypes)
+    for i in range(0, len(genotypes), 3):
+        alone = _evaluation(task, genotypes[i : i + 1], first=i)
+        _check_same_results({name: values[i : i + 1] for name, values in together.items()}, alone, "alone", 1e-6)
+
+
+def _behaviours_differ(task: Callable[..., Any], n_genes: int) -> None:
+    """some of eight random genotypes are valid, and they are observed to do different things."""
+    found = _evaluation(task, _genotypes(n_genes))
+    observed = [values for name, values in found.items() if name.startswith("observation")]
+    valid = np.logical_and.reduce([finite_rows(values) for values in (found["fitness"], *observed)])
+    _see(valid.sum() > 1, f"{valid.sum()} of {len(valid)} are valid")
+    _see(any((values[valid] != values[valid][:1]).any() for values in observed), "all observations are the same")
+
+
+_OF_TASKS = (
+    _says_how_many_genes,
+    _returns_rows,
+    _takes_bounds,
+    _leaves_genotypes,
+    _results_stay,
+    _does_the_same_again,
+    _does_the_same_alone,
+    _behaviours_differ,
 )

@@ -33,8 +33,8 @@ LogOption = Annotated[
     list[str] | None,
     typer.Option(
         "--log",
-        help="Log each generation: csv:PATH, tensorboard:FOLDER, wandb:project=NAME,mode=online or "
-        "mlflow:experiment=NAME,tracking_uri=URI. Several times for several.",
+        help="Log each generation: csv:PATH, tensorboard:FOLDER, wandb:project=NAME or mlflow:experiment=NAME. Several times "
+        "for several.",
     ),
 ]
 SnapshotsOption = Annotated[

@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from auroraqd.cli._config import ConfigOption, SaveConfigOption, write_config
+from auroraqd.cli._names import completed
 from auroraqd.cli._shared import (
     CheckpointOption,
     FiguresOption,
@@ -34,17 +37,20 @@ OutOption = Annotated[Path | None, typer.Option(help="Run folder to create. [def
 
 
 def run(
+    context: typer.Context,
     task: Annotated[
         str,
         typer.Argument(
-            help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1; or mymodule:my_task."
+            autocompletion=completed("task"),
+            help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1; or mymodule:my_task.",
         ),
     ],
     descriptor: Annotated[
         str,
         typer.Option(
+            autocompletion=completed("descriptor"),
             help="How behaviours differ: pca or autoencoder (learned), hand-coded, genotype, or observation (all of it). "
-            "Options like autoencoder:isometry=0 or autoencoder:hidden=64x32 are the parameters of AutoEncoder."
+            "Options like autoencoder:isometry=0 or autoencoder:hidden=64x32 are the parameters of AutoEncoder.",
         ),
     ] = "pca",
     pretrained: Annotated[
@@ -59,47 +65,59 @@ def run(
     emitter: Annotated[
         str,
         typer.Option(
+            autocompletion=completed("emitter"),
             help="What makes genotypes: genetic (selection, then variation); goals (random, sigma, first); novelty-search or "
             "nslc (population, k); taxons (population, k, elite, first); ribs:cma (sigma, batch_size, ranker, es), "
             "ribs:iso-line (sigma, line_sigma, batch_size) or ribs:gaussian (sigma, batch_size), which need pyribs; with "
-            "options like goals:random=0.2."
+            "options like goals:random=0.2.",
         ),
     ] = "genetic",
     selection: Annotated[
         str,
         typer.Option(
+            autocompletion=completed("selection"),
             help="How parents are chosen: curiosity, uniform, novelty, surprise (reconstruction error), or mixed (novelty or "
-            "surprise, by a coin for each batch)."
+            "surprise, by a coin for each batch).",
         ),
     ] = "curiosity",
     variation: Annotated[
         str,
         typer.Option(
+            autocompletion=completed("variation"),
             help="How offspring are made: polynomial (rate, eta, at_least_one), gaussian (sigma, rate) or iso-line (iso_sigma, "
-            "line_sigma), with options like polynomial:rate=0.1,eta=10."
+            "line_sigma), with options like polynomial:eta=10.",
         ),
     ] = "polynomial",
     resolution: Annotated[
         str,
         typer.Option(
+            autocompletion=completed("resolution"),
             help="How l follows the descriptors: vat:cells=47124 (cells that they span), size:individuals=10000 (about how "
             "many to store), csc:target=10000 (likewise, corrected in each generation), fixed:l=0.05; auto: vat in one and two "
-            "dimensions, size in more."
+            "dimensions, size in more.",
         ),
     ] = "auto",
     schedule: Annotated[
-        str, typer.Option(help="When the descriptor is refitted: doubling:first=50, every:generations=100 or never.")
+        str,
+        typer.Option(
+            autocompletion=completed("schedule"),
+            help="When the descriptor is refitted: doubling:first=50, every:generations=100 or never.",
+        ),
     ] = "doubling",
     archive: Annotated[
         str,
         typer.Option(
+            autocompletion=completed("archive"),
             help="Where behaviours are kept: unstructured; dominated (capacity, k); grid (cells and bounds low, high of each "
-            "dimension); cvt (cells, samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0."
+            "dimension); cvt (cells, samples, steps, low, high); or cvt-prior; with options like grid:cells=30,low=0.",
         ),
     ] = "unstructured",
     k: Annotated[int, typer.Option(help="Neighbours that make up the novelty.")] = 15,
     epsilon: Annotated[float, typer.Option(help="Tolerance of the addition rule.")] = 0.1,
-    competition: Annotated[str, typer.Option(help="Who stays of two alike: dominance or elitist.")] = "dominance",
+    competition: Annotated[
+        str,
+        typer.Option(autocompletion=completed("competition"), help="Who stays of two alike: dominance or elitist."),
+    ] = "dominance",
     capacity: Annotated[int | None, typer.Option(help="Most individuals to store. [default: no limit]")] = None,
     l: Annotated[float, typer.Option("--l", help="Distance threshold until the resolution sets it.")] = 0.0,
     survival: Annotated[
@@ -119,10 +137,12 @@ def run(
     log: LogOption = None,
     snapshots: SnapshotsOption = True,
     figures: FiguresOption = True,
+    config: ConfigOption = None,
+    save_config: SaveConfigOption = None,
 ) -> None:
     """Discover a repertoire of behaviours and keep it in a run folder.
 
-    Example: auroraqd run ballistic --descriptor pca --generations 5000 --seed 0 --out runs/first
+    Example: auroraqd run ballistic -n 500 --out runs/first
     """
     from auroraqd.experiments import settings as s
 
@@ -158,6 +178,7 @@ def run(
         checkpoint_every,
         spreading(jobs, scheduler, timeout),
         _onlookers(log, snapshots, out),
+        prepared=partial(write_config, context, save_config, overwrite=overwrite),
     )
 
 
@@ -211,7 +232,9 @@ def resume(
 ) -> None:
     """Go on with a run that was interrupted or killed, from its last checkpoint, as if it had never ended.
 
-    A run that has ended goes on further with --generations. Example: auroraqd resume runs/first --generations 10000
+    A run that has ended goes on further with --generations.
+
+    Example: auroraqd resume runs/first --generations 10000
     """
     from auroraqd.experiments.settings import is_of_settings
     from auroraqd.runs import folders
@@ -349,10 +372,13 @@ def _run(
     logs: Sequence[Any] = (),
     *,
     events: Any = None,
+    prepared: Callable[[], None] = lambda: None,
 ) -> None:
+    """Build a run and let it grow; `prepared` is called in between."""
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build()
+    prepared()
     grow(task, aurora, Plan.of(settings), out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
 
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from auroraqd.cli._config import ConfigOption
+from auroraqd.cli._names import completed
 from auroraqd.cli._shared import UserError, busy, console, errors
 from auroraqd.cli.growing import compile_kernels
 
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def reproduce(
-    task: Annotated[str, typer.Argument(help="Whose experiment: ballistic or air-hockey.")],
+    task: Annotated[str, typer.Argument(autocompletion=completed("task"), help="Whose experiment: ballistic or air-hockey.")],
     replications: Annotated[int, typer.Option(help="Runs of each variant.")] = 20,
     generations: Annotated[int, typer.Option(help="Generations of 200 evaluations a run.")] = 5000,
     variants: Annotated[
@@ -38,10 +40,13 @@ def reproduce(
     quick: Annotated[
         bool, typer.Option("--quick", help="2 replications of 60 generations, auto-encoders and CVT made small: a minute.")
     ] = False,
+    config: ConfigOption = None,
 ) -> None:
     """Repeat an experiment of the paper: all variants, many times, with statistics and figures.
 
-    Runs that are done are skipped, so it can be interrupted and called again. Example: auroraqd reproduce ballistic --quick
+    Runs that are done are skipped, so it can be interrupted and called again.
+
+    Example: auroraqd reproduce ballistic --quick
     """
     from auroraqd.experiments.variants import EXPERIMENTS
 

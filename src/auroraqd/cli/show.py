@@ -32,7 +32,9 @@ def animate(
 ) -> None:
     """Show a skill as an animation: the robot, if MuJoCo draws it; or the way of the puck or projectile, and the arm.
 
-    The rows of diverse skills are in FOLDER/figures/skills.png. Example: auroraqd animate runs/first --skill 17
+    The rows of diverse skills are in FOLDER/figures/skills.png.
+
+    Example: auroraqd animate runs/first --skill 17
     """
     import numpy as np
 

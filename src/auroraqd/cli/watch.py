@@ -41,7 +41,9 @@ def watch(
 ) -> None:
     """Follow a run in the terminal: how many skills it has, how it goes, and a map of what it has found. Ctrl-C ends it.
 
-    It reads what the run has saved, and changes nothing. Example: auroraqd watch runs/first
+    It reads what the run has saved, and changes nothing.
+
+    Example: auroraqd watch runs/first
     """
     from auroraqd.runs import folders
 

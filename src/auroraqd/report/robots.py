@@ -121,7 +121,7 @@ class Studio:
 
     def __init__(self, model: Any, poses: np.ndarray):
         self._mujoco: Any = import_module("mujoco")
-        self._context = _gl_context()
+        self._context = gl_context()
         self._model = copy.deepcopy(model)  # of which only looks are changed
         _paler(self._model)
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = _WIDTH, _HEIGHT
@@ -213,7 +213,7 @@ def _size(model: Any, texture: int) -> int:
     return int(model.tex_height[texture] * model.tex_width[texture] * model.tex_nchannel[texture])
 
 
-def _gl_context() -> Any:
+def gl_context() -> Any:
     """What MuJoCo draws into: memory.
 
     Raises:

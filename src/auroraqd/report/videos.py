@@ -60,12 +60,17 @@ def _writer(path: Path, rate: int) -> PillowWriter | FFMpegWriter:
     if path.suffix.lower() == ".gif":
         return PillowWriter(fps=rate)
     if path.suffix.lower() == ".mp4":
-        mpl.rcParams["animation.ffmpeg_path"] = _ffmpeg()
+        mpl.rcParams["animation.ffmpeg_path"] = ffmpeg()
         return FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # which every player knows
     raise ValueError(f"the animation must be a .gif or an .mp4, got {path.name!r}")
 
 
-def _ffmpeg() -> str:
+def ffmpeg() -> str:
+    """Where ffmpeg is.
+
+    Raises:
+        ValueError: it is nowhere.
+    """
     found = shutil.which("ffmpeg")
     if found is None:
         try:
