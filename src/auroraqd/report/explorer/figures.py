@@ -86,7 +86,7 @@ def _plain(name: str, tools: str, **options: Any) -> Any:
 
 
 def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
-    """Skills as points, and above them, on a canvas of their own, what is pointed at."""
+    """Skills as points; the page draws what is pointed at above them."""
     plot = _plain(
         name, "pan,wheel_zoom,reset,save", output_backend="webgl", active_scroll="wheel_zoom", toolbar_location="above"
     )
@@ -106,12 +106,6 @@ def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
     lasso = LassoSelectTool(persistent=False, continuous=False, renderers=[points])
     plot.add_tools(BoxSelectTool(persistent=False, renderers=[points]), lasso)
     plot.toolbar.active_drag = lasso
-    # Glyphs that Bokeh does not draw by WebGL, in which marks that come and go would be missed now and then.
-    way, marks = _empty("x0", "y0", "x1", "y1"), _empty("x", "y", "size", "fill", "line")
-    plot.segment("x0", "y0", "x1", "y1", source=way, level="overlay", name="way", line_width=1.5)
-    screen = {"width": "size", "height": "size", "width_units": "screen", "height_units": "screen"}
-    look = {"fill_color": "fill", "line_color": "line", "line_width": 2}
-    plot.ellipse("x", "y", source=marks, level="overlay", name="marks", **screen, **look)
     for event, function in ((MouseMove, "move"), (Tap, "tap")):
         plot.js_on_event(event, CustomJS(args={"name": name}, code=f"explorer.{function}(name, cb_obj)"))
     return plot
