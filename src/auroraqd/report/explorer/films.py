@@ -40,7 +40,7 @@ def filmed(repertoire: Repertoire, rows: np.ndarray, task: Gym | None = None) ->
     """
     task = robot_of(repertoire.config) if task is None else task
     if task is None:
-        raise ValueError("the task of the run is no robot that MuJoCo draws, or cannot be imported here")
+        raise ValueError("the task of the run is no robot that MuJoCo draws, or cannot be imported here: name it with task")
     check_robot(task, repertoire.genotype.shape[1])
     poses = task.episode(repertoire.genotype[rows], other_seeds(0, len(rows)) if task.seeded else None).qpos
     valid = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))

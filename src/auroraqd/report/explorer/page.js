@@ -892,5 +892,5 @@ window.explorer = (() => {
 
   preferPlainCanvas();
   theme(matchMedia("(prefers-color-scheme: dark)").matches);
-  return { start, move, tap, state, data: () => data };
+  return { start, move, tap, show, state, data: () => data };
 })();

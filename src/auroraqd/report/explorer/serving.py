@@ -34,8 +34,8 @@ _HOSTS = {_LOOPBACK, "localhost"}
 _PATIENCE = 60.0  # seconds that a browser may take to ask
 _KEPT = 64  # films
 _WAITING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><meta http-equiv="refresh" content="2">
-<meta name="viewport" content="width=device-width, initial-scale=1"><title>No checkpoint yet</title>
-<p>The run has no checkpoint yet. This page shows the first one when it is there."""
+<meta name="viewport" content="width=device-width, initial-scale=1"><title>No skill yet</title>
+<p>The run has no skill yet. This page shows the first ones when they are there."""
 
 
 class Followed:
