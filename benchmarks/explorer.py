@@ -7,6 +7,7 @@ own pointer event: until the panel has changed, and until the frame after that i
 """
 
 import argparse
+import os
 import shutil
 import tempfile
 import time
@@ -99,8 +100,10 @@ def main():
     parser.add_argument("--skills", type=int, default=20_000)
     n = parser.parse_args().skills
     print(f"### The explorer, {n:,} skills of {2 * STEPS} numbers, in Chromium\n")
-    print("| descriptor | written, s | MB | first paint, ms | all drawn, ms | panel changed, ms (95%) | drawn, ms (95%) |")
-    print("|---|---|---|---|---|---|---|")
+    print(
+        "| descriptor | load | written, s | MB | first paint, ms | all drawn, ms | panel changed, ms (95%) | drawn, ms (95%) |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
     driver = browser()
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -113,7 +116,7 @@ def main():
                 times = pointing(driver)
                 median, most = np.median(times, axis=0), np.quantile(times, 0.95, axis=0)
                 print(
-                    f"| {type(transformer).__name__} | {written:.1f} | {path.stat().st_size / 1e6:.1f} | {starts[0]:.0f} | "
+                    f"| {type(transformer).__name__} | {os.getloadavg()[0]:.1f} | {written:.1f} | {path.stat().st_size / 1e6:.1f} | {starts[0]:.0f} | "
                     f"{starts[1]:.0f} | {median[0]:.0f} ({most[0]:.0f}) | {median[1]:.0f} ({most[1]:.0f}) |",
                     flush=True,
                 )

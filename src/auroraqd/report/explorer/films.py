@@ -16,7 +16,7 @@ MOST = 64
 """Films of a page."""
 _FRAMES = 48
 _SIZE = 256, 192  # pixels of a frame, wide and high
-_QUALITY = 60  # of a picture, of 100
+_QUALITY = 40  # of a picture, of 100
 
 
 def films(repertoire: Repertoire, n: int, task: Gym | None = None) -> dict[int, dict[str, Any]]:

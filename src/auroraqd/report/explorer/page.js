@@ -154,7 +154,7 @@ window.explorer = (() => {
   }
 
   function markOn(map) {
-    const { frame } = viewOf(map.figure), { left, top, width: wide, height } = frame.bbox, run = data.runs[map.run];
+    const { frame } = map.view, { left, top, width: wide, height } = frame.bbox, run = data.runs[map.run];
     const shapes = [], on = ([x, y]) => [frame.x_scale.compute(x) - left, frame.y_scale.compute(y) - top];
     const add = (kind, attributes) => {
       if (Object.values(attributes).some(Number.isNaN)) return; // it was not there then
@@ -178,8 +178,6 @@ window.explorer = (() => {
     Object.assign(map.marks.style, { left: `${left}px`, top: `${top}px`, width: `${wide}px`, height: `${height}px` });
     map.marks.replaceChildren(...shapes);
   }
-
-  const viewOf = (figure) => Bokeh.index.find_one(figure);
 
   function twinOf(map) {
     const from = data.runs[state.run].spaces.truth.table, to = data.runs[map.run].spaces.truth.table;
@@ -756,6 +754,7 @@ window.explorer = (() => {
   function describe() {
     const [run] = data.runs, several = data.runs.length > 1;
     $("title").textContent = several ? `${data.runs.length} runs` : run.name;
+    $("lead").textContent = `${run.about} Each point is a skill, which was found by trying. In descriptor space those are near each other that look alike to the robot. Point at one to see what it does.`.trim();
     const shown = (each) => (each.rows.length < each.total
       ? `${each.rows.length.toLocaleString("en")} of ${each.total.toLocaleString("en")} skills, drawn at random: the rest would make the page too large`
       : `${each.total.toLocaleString("en")} skills`);
@@ -831,7 +830,8 @@ window.explorer = (() => {
     [models, data] = [givenModels, givenData];
     const elements = document.querySelectorAll(".map");
     maps = models.maps.map((map, k) => ({
-      ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown], marks: elements[k].querySelector(".marks"),
+      ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown],
+      marks: elements[k].querySelector(".marks"), view: Bokeh.index.find_one(map.figure),
     }));
     describe();
     offerStreams();
@@ -844,7 +844,7 @@ window.explorer = (() => {
     listen();
     if (matchMedia("(pointer: coarse)").matches) maps.forEach(({ figure }) => { figure.toolbar.active_drag = null; }); // or one could not scroll
     drawSet();
-    maps.forEach((map) => { viewOf(map.figure).repainted.connect(() => markOn(map)); });
+    maps.forEach((map) => { map.view.repainted.connect(() => markOn(map)); });
     show(0, data.runs[0].first);
     if ($("live")) live();
     for (const { figure } of maps) rendererOf(figure, "points").visible = true;

@@ -15,10 +15,9 @@ from sklearn.neighbors import NearestNeighbors
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.history import History
-from auroraqd.provenance import task_in, task_named
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.moments import moments
-from auroraqd.report.explorer.places import genes_of, truth_names
+from auroraqd.report.explorer.places import about, called, genes_of, robot_in, truth_names
 from auroraqd.report.explorer.sights import by_worth
 from auroraqd.report.explorer.spaces import space
 from auroraqd.report.explorer.tables import back, single, wholes
@@ -26,7 +25,6 @@ from auroraqd.report.explorer.views import BYTES, View, fitting
 from auroraqd.runs import folders
 from auroraqd.runs.snapshots import Snapshot, load_snapshots
 from auroraqd.runs.state import settings_of
-from auroraqd.tasks import Gym
 
 _NEIGHBOURS = 15
 _LEAST_SHARE = 0.2  # of the bytes of a page, for what is observed, however many films there are
@@ -117,13 +115,17 @@ def content(source: Source, most: int, share: float = 1.0, *, live: bool = False
     """
     repertoire, config = source.repertoire, _config(source.repertoire)
     views = [View.of(repertoire, stream) for stream in by_worth(repertoire.observation)]
-    share = max(share - sum(len(film["image"]) for film in source.films.values()) / BYTES, _LEAST_SHARE * share)
+    filmed = 0.75 * sum(
+        len(film["image"]) for film in source.films.values()
+    )  # what is observed is base64 too, and counted before
+    share = max(share - filmed / BYTES, _LEAST_SHARE * share)
     rows = _some(len(repertoire), min(most, max(int(share * BYTES / views[0].bytes_each), 1)), source.films)
     shown = [view for view, fits in zip(views, fitting(views, len(rows), share), strict=True) if fits]
     spaces = _spaces(repertoire, config, rows)
     placed, places = _place(spaces)
     return {
         "name": source.name,
+        "about": about(config),
         "code": source.code,
         "total": len(repertoire),
         "first": _middle(repertoire.descriptor[rows]),
@@ -155,8 +157,7 @@ def _filmed(config: Mapping[str, Any], live: bool) -> str:
     """How films of skills are to be had that are not in the page: "asked" of the server, or "written" into another page; ""
     where there are none.
     """
-    robot = str((task_in(config) or {}).get("repr")).startswith(f"{Gym.__name__}(")
-    return ("asked" if live else "written") if robot else ""
+    return ("asked" if live else "written") if robot_in(config) else ""
 
 
 def _some(n: int, most: int, always: Collection[int] = ()) -> np.ndarray:
@@ -223,8 +224,7 @@ def _place(spaces: Mapping[str, Any]) -> tuple[str, np.ndarray]:
 
 def _facts(repertoire: Repertoire, config: Mapping[str, Any]) -> list[list[str]]:
     """What there is to say of the run, names and values."""
-    task = task_named(config)
-    facts = [["task", task], ["descriptor", config.get("descriptor")], ["seed", config.get("seed")]]
+    facts = [["task", called(config)], ["descriptor", config.get("descriptor")], ["seed", config.get("seed")]]
     with suppress(OSError, ValueError):
         last = repertoire.history.last
         if last is not None:

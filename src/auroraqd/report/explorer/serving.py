@@ -24,7 +24,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from auroraqd._files import told
-from auroraqd.report.explorer.page import check_skills, policy, written
+from auroraqd.report.explorer.page import check_bokeh, check_skills, policy, written
 from auroraqd.report.explorer.runs import Source, source_of
 from auroraqd.runs import folders
 from auroraqd.tasks import Gym
@@ -48,6 +48,7 @@ class Followed:
     """
 
     def __init__(self, folder: Path, most: int, task: Gym | None = None) -> None:
+        check_bokeh()
         folders.load_config(folder)  # or it is no run folder
         self._folder, self._most, self._task = folder, most, task
         self._building, self._filming = threading.Lock(), threading.Lock()
