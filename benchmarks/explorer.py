@@ -116,7 +116,8 @@ def main():
                 times = pointing(driver)
                 median, most = np.median(times, axis=0), np.quantile(times, 0.95, axis=0)
                 print(
-                    f"| {type(transformer).__name__} | {os.getloadavg()[0]:.1f} | {written:.1f} | {path.stat().st_size / 1e6:.1f} | {starts[0]:.0f} | "
+                    f"| {type(transformer).__name__} | {os.getloadavg()[0]:.1f} | "
+                    f"{written:.1f} | {path.stat().st_size / 1e6:.1f} | {starts[0]:.0f} | "
                     f"{starts[1]:.0f} | {median[0]:.0f} ({most[0]:.0f}) | {median[1]:.0f} ({most[1]:.0f}) |",
                     flush=True,
                 )
