@@ -14,6 +14,7 @@ from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
 
 from auroraqd.report.explorer.compared import box
+from auroraqd.report.explorer.tables import packed
 
 _BACKED_OFF = 0.1  # opacity of skills beside those that are selected
 PALETTE = tuple(Cividis256)
@@ -54,7 +55,7 @@ def document(runs: Sequence[Mapping[str, Any]]) -> tuple[Document, list[dict[str
     models["lines"] = {"skill": _lines("skill"), "set": _lines("set")}
     for plot in [*(each["figure"] for each in maps), *models["lines"].values()]:
         document.add_root(plot)
-    data = {"runs": list(runs)}
+    data = packed({"runs": list(runs)})
     document.js_on_event("document_ready", CustomJS(args={"models": models, "data": data}, code="explorer.start(models, data)"))
     return document, maps
 
@@ -123,7 +124,7 @@ def _add_then(plot: Any, source: ColumnDataSource, space: str, n: int) -> None:
 
 
 def _lines(name: str) -> Plot:
-    """Paths or series as lines, with what moves above them."""
+    """Paths or series as lines, and what moves; on the upper canvas, or the axes would be drawn again each time."""
     plot = _plain(f"{name}-lines", "", x_range=Range1d(), y_range=Range1d())
     lines = _empty("xs", "ys", "color", "width", "alpha", "dash")
     plot.multi_line(
@@ -136,9 +137,17 @@ def _lines(name: str) -> Plot:
         line_dash="dash",
         name="lines",
         line_join="round",
+        level="overlay",
     )
     plot.scatter(
-        "x", "y", source=_empty("x", "y", "color", "size"), size="size", color="color", line_color=None, name="samples"
+        "x",
+        "y",
+        source=_empty("x", "y", "color", "size"),
+        size="size",
+        color="color",
+        line_color=None,
+        name="samples",
+        level="overlay",
     )
     plot.line("x", "y", source=_empty("x", "y"), line_width=1.5, name="border")
     if name == "skill":

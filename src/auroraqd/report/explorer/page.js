@@ -14,6 +14,17 @@ window.explorer = (() => {
   let models, data, maps, ink, shaded = null;
 
   // Tables: rows of numbers in few bytes.
+  const TYPES = { uint8: Uint8Array, int8: Int8Array, uint16: Uint16Array, int32: Int32Array, uint32: Uint32Array, float32: Float32Array, float64: Float64Array };
+  const bytesOf = (text) => Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+
+  /** What was packed (tables.py), as arrays. */
+  function unpacked(value) {
+    if (Array.isArray(value)) return value.map(unpacked);
+    if (value === null || typeof value !== "object" || ArrayBuffer.isView(value)) return value;
+    if (typeof value.base64 === "string") return Object.assign(new TYPES[value.dtype](bytesOf(value.base64).buffer), { shape: value.shape });
+    return Object.fromEntries(Object.entries(value).map(([name, each]) => [name, unpacked(each)]));
+  }
+
   const width = (table) => table.values.shape[1];
   const entry = (table, i, j) => {
     const value = table.values[i * width(table) + j];
@@ -827,7 +838,7 @@ window.explorer = (() => {
   }
 
   function start(givenModels, givenData) {
-    [models, data] = [givenModels, givenData];
+    [models, data] = [givenModels, unpacked(givenData)];
     const elements = document.querySelectorAll(".map");
     maps = models.maps.map((map, k) => ({
       ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown],
