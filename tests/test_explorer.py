@@ -478,7 +478,7 @@ def test_films_of_robots(swimmers, browser, tmp_path):
     distance = np.linalg.norm(repertoire.descriptor[filmed] - repertoire.descriptor[other], axis=1)
     browser.js(SHOW, other)
     said = browser.js("return document.querySelector('#film figcaption').textContent")
-    assert said == f"This is skill {filmed[np.argmin(distance)]}, the nearest that was filmed. "
+    assert said == f"This is skill {filmed[np.argmin(distance)]}, the nearest of those that were filmed, which have rings. "
     assert browser.troubles() == []
 
 
@@ -519,7 +519,7 @@ def test_what_cannot_be_filmed_is_said(swimmers, folder, tmp_path):
         explore(folder, tmp_path / "x.html", films=1, task=5)
     with pytest.raises(ValueError, match="task CartPole-v1 is not of MuJoCo"):
         explore(folder, tmp_path / "x.html", films=1, task=auroraqd.tasks.Gym("CartPole-v1", auroraqd.tasks.MLP()))
-    with pytest.raises(ValueError, match="task Swimmer-v5 has 8 genes, and the skills have 2"):
+    with pytest.raises(ValueError, match="task Swimmer-v5 has 7 genes, and the skills have 2"):
         explore(found(lambda g: g, "genotype"), tmp_path / "x.html", films=1, task=swimmers[0])
     assert not (tmp_path / "x.html").exists()
 

@@ -474,7 +474,7 @@ window.explorer = (() => {
 
   function captionOf(run, near) {
     if (near === state.skill) return [];
-    const nearest_ = near < 0 ? "" : `This is ${nameOf(state.run, near)}, the nearest that was filmed. `;
+    const nearest_ = near < 0 ? "" : `This is ${nameOf(state.run, near)}, the nearest of those that were filmed, which have rings. `;
     if (run.filmed === "asked") return [nearest_, button("Film this skill", () => askFilm(run, state.skill))];
     return [nearest_ || "The robot can be filmed: write the page with --films 24."];
   }
@@ -765,7 +765,7 @@ window.explorer = (() => {
   function describe() {
     const [run] = data.runs, several = data.runs.length > 1;
     $("title").textContent = several ? `${data.runs.length} runs` : run.name;
-    $("lead").textContent = `${run.about} Each point is a skill, which was found by trying. In descriptor space those are near each other that look alike to the robot. Point at one to see what it does.`.trim();
+    $("lead").textContent = `${run.about} Each point is a skill, which was found by trying. Skills that look alike to the robot are near each other in descriptor space. Point at one, or tap it, to see what it does.`.trim();
     const shown = (each) => (each.rows.length < each.total
       ? `${each.rows.length.toLocaleString("en")} of ${each.total.toLocaleString("en")} skills, drawn at random: the rest would make the page too large`
       : `${each.total.toLocaleString("en")} skills`);
