@@ -111,15 +111,17 @@ class Followed:
 
         with self._filming:
             source, films = self._source, self._films
-            rows = np.flatnonzero(source.repertoire.id == id) if source is not None else ()
-            if source is None or not len(rows):
-                raise ValueError(f"skill of id {id} is not stored any more")
+            if source is None:
+                raise ValueError("no skill is stored yet")
+            rows = np.flatnonzero(source.repertoire.id == id)
+            if not len(rows):
+                raise ValueError(f"the skill of id {id} is not stored any more")
             if id not in films:
                 if len(films) == _KEPT:
                     films.pop(next(iter(films)))
                 drawn = filmed(source.repertoire, rows, self._task)
                 if not drawn:
-                    raise ValueError(f"skill of id {id} is not valid when it is done again")
+                    raise ValueError(f"the skill of id {id} is not valid when it is done again")
                 (films[id],) = drawn.values()
             return films[id]
 
@@ -156,14 +158,14 @@ class Server(ThreadingTCPServer):
         """With the token."""
         return f"http://{_LOOPBACK}:{self.server_address[1]}/?token={self.token}"
 
-    def handle_error(self, *request: Any) -> None:
+    def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that has gone away is no trouble."""
         if not isinstance(sys.exception(), ConnectionError):
-            super().handle_error(*request)
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    server: Server
+    server: Server  # pyright: ignore[reportIncompatibleVariableOverride]
     timeout = _PATIENCE
     server_version, sys_version = "auroraqd", ""
 
@@ -215,5 +217,5 @@ class _Handler(BaseHTTPRequestHandler):
         if self.command != "HEAD":
             self.wfile.write(content)
 
-    def log_message(self, *_: Any) -> None:
+    def log_message(self, format: str, *args: Any) -> None:
         """Nothing: the token is in what is asked for."""

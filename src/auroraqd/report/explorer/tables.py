@@ -67,4 +67,4 @@ def packed(value: Any) -> Any:
     if not isinstance(value, np.ndarray) or value.nbytes < _PACKED:
         return value
     ordered = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
-    return {"base64": base64.b64encode(ordered).decode(), "dtype": value.dtype.name, "shape": list(value.shape)}
+    return {"base64": base64.b64encode(ordered.tobytes()).decode(), "dtype": value.dtype.name, "shape": list(value.shape)}
