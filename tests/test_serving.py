@@ -13,6 +13,7 @@ import pytest
 from browsing import serving
 
 import auroraqd
+from auroraqd.report.explorer import serving as explorer_serving
 from auroraqd.report.explorer.serving import Followed
 from auroraqd.runs import folders
 
@@ -177,6 +178,16 @@ def test_what_is_no_robot_has_no_film(served):
     assert "is not stored" in json.loads(asked(served, "/film?id=123456")[2])["trouble"]
     assert "trouble" in json.loads(asked(served, "/film?id=x")[2])
     assert "trouble" in json.loads(asked(served, "/film")[2])
+
+
+def test_a_robot_that_raises_is_said(served, monkeypatch):
+    def broken(*_):
+        raise RuntimeError("the arm fell off")
+
+    asked(served, "/")
+    monkeypatch.setattr(explorer_serving, "filmed", broken)
+    id = int(served.followed._source.repertoire.id[0])
+    assert json.loads(asked(served, f"/film?id={id}")[2]) == {"trouble": "RuntimeError: the arm fell off"}
 
 
 def test_what_cannot_be_served_is_said(folder, tmp_path):

@@ -82,6 +82,9 @@ def _empty(*columns: str) -> ColumnDataSource:
 def _plain(name: str, tools: str, **options: Any) -> Any:
     plot = figure(name=name, tools=tools, sizing_mode="stretch_both", min_width=100, min_height=100, **options)
     plot.toolbar.logo = None
+    plot.axis.minor_tick_line_color = None
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.grid.grid_line_alpha = 0.6
     plot.background_fill_color = plot.border_fill_color = plot.outline_line_color = None
     return plot
 

@@ -721,11 +721,7 @@ window.explorer = (() => {
     ink = Object.fromEntries(["ink", "soft", "line", "paper", "expected"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
     const figures = [...maps.map(({ figure }) => figure), ...Object.values(models.lines)];
     for (const figure of figures) {
-      for (const part of [...figure.left, ...figure.below]) {
-        part.setv({ major_label_text_color: ink.soft });
-        if ("axis_label" in part) part.setv({ axis_label_text_color: ink.soft, axis_line_color: ink.line, major_tick_line_color: ink.line, minor_tick_line_color: null, axis_label_text_font_style: "normal" });
-      }
-      for (const grid of figure.center) grid.setv({ grid_line_color: ink.line, grid_line_alpha: 0.6 });
+      Bokeh.index.find_one(figure).request_paint(); // axes and grids have the colours of page.css
       for (const [name, properties] of [["arm", { line_color: ink.soft }], ["border", { line_color: ink.soft }], ["body", { fill_color: ink.expected, line_color: ink.ink }]]) {
         rendererOf(figure, name)?.glyph.setv(properties);
       }

@@ -23,7 +23,10 @@ from socketserver import ThreadingTCPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import numpy as np
+
 from auroraqd._files import told
+from auroraqd.report.explorer.films import filmed
 from auroraqd.report.explorer.page import check_bokeh, check_skills, policy, written
 from auroraqd.report.explorer.runs import Source, source_of
 from auroraqd.runs import folders
@@ -105,10 +108,6 @@ class Followed:
         Raises:
             ValueError: there is no such skill, or it cannot be filmed.
         """
-        import numpy as np
-
-        from auroraqd.report.explorer.films import filmed
-
         with self._filming:
             source, films = self._source, self._films
             if source is None:
@@ -193,8 +192,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _film(self, id: str) -> None:
         try:
             self._send_json(self.server.followed.film(int(id)))
-        except (OSError, ValueError) as error:
-            self._send_json({"trouble": str(error)})
+        except Exception as error:  # the task is somebody else's
+            kind = "" if isinstance(error, OSError | ValueError) else f"{type(error).__name__}: "
+            self._send_json({"trouble": f"{kind}{error}"})
 
     def _send_json(self, values: Any) -> None:
         self._send(json.dumps(values), kind="application/json")
