@@ -3,8 +3,8 @@ points are drawn, and how soon pointing answers.
 
 Needs the extra `test`, and Chromium with chromedriver, of Debian's packages `chromium` and `chromium-driver` for instance. What
 it says depends on whether the machine has a GPU, and on what else it does. Pointing is measured from the time of the browser's
-own pointer event: until the panel has changed, and until the frame after that is drawn. Beside what the clock says there is what the
-browser's main thread computed, which says more where the machine has much else to do.
+own pointer event: until the panel has changed, and until the frame after that is drawn. Beside what the clock says there is
+what the browser's main thread computed, which says more where the machine has much else to do.
 """
 
 import argparse
