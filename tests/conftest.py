@@ -7,6 +7,7 @@ import os
 import signal
 import tempfile
 
+import browsing
 import pytest
 from hypothesis import settings
 
@@ -31,3 +32,10 @@ def pytest_xdist_make_scheduler(config, log):
     from xdist.scheduler import WorkStealingScheduling
 
     return WorkStealingScheduling(config, log) if config.getvalue("dist") == "load" else None
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A page in a browser, if there is one."""
+    with browsing.chromium() as page:
+        yield page

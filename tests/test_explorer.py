@@ -4,17 +4,17 @@ import csv
 import dataclasses
 import io
 import json
-import shutil
 import sys
-import time
+from ctypes.util import find_library
 
 import commands
 import numpy as np
 import pytest
+from browsing import serving
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd.report import explore
+from auroraqd.report import explore, robots
 from auroraqd.report.explorer.decoders import decoder
 from auroraqd.report.explorer.places import genes_of, stage_of
 from auroraqd.report.explorer.runs import content, source_of
@@ -23,7 +23,6 @@ from auroraqd.report.explorer.tables import back, table, wholes
 from auroraqd.tasks import air_hockey
 
 EVIL = "</script><script>window.hacked = true</script>"
-WAIT = 60  # seconds, on a machine that has much else to do
 
 
 @pytest.fixture(scope="module")
@@ -183,10 +182,26 @@ def test_the_command(folder, tmp_path):
     assert "exists: choose another file with --out" in again.stderr
 
 
+def test_a_folder_that_is_being_written(tmp_path):
+    """Whenever it is read, there are whole skills; where the last checkpoint is damaged, those of the one before."""
+    aurora = auroraqd.Aurora(2, "hand-coded", seed=0, batch_size=50)
+    sizes = []
+
+    def read(_):
+        sizes.append(content(source_of(tmp_path), 1000)["total"])
+
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0) as checkpoints:
+        aurora.run(auroraqd.tasks.Ballistic(), generations=3, callback=(checkpoints, read))
+        (tmp_path / "repertoire.safetensors").write_bytes(b"half")
+        with pytest.warns(UserWarning, match="the checkpoint before it is taken"):
+            assert content(source_of(tmp_path), 1000)["total"] == sizes[1]
+    assert sizes == [record.size for record in aurora.history.records]
+
+
 ODD = {
     "one skill": lambda: found(lambda g: np.ones((len(g), 4, 2)), "genotype", resolution=auroraqd.Fixed(10.0)),
     "one dimension": lambda: found(lambda g: (g[:, 0], g), PCA(1)),
-    "ten dimensions": lambda: found(lambda g: (g[:, 0], g, g[:, 0]), PCA(10), n_genes=12),
+    "twenty dimensions": lambda: found(lambda g: (g[:, 0], g, g[:, 0]), PCA(20), n_genes=24),
     "no inverse": lambda: found(lambda g: (g[:, 0], g), "genotype"),
     "unknown truth": lambda: found(lambda g: (g[:, 0], g, np.where(g > 0.5, np.nan, g)), "genotype"),
     "huge": lambda: found(lambda g: (1e300 * g[:, 0], 1e300 * g), "genotype"),
@@ -197,103 +212,14 @@ ODD = {
 
 
 @pytest.fixture(scope="module")
-def browser():
-    """Headless Chromium, of Debian's packages for instance."""
-    webdriver = pytest.importorskip("selenium.webdriver")
-    program, driver = shutil.which("chromium") or shutil.which("google-chrome"), shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("there is no chromium with chromedriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    for argument in (
-        "--headless=new",
-        "--no-sandbox",
-        "--disable-dev-shm-usage",
-        "--enable-unsafe-swiftshader",
-        "--window-size=1440,1000",
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    started = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    started.set_script_timeout(WAIT)
-    yield Page(started)
-    started.quit()
-
-
-class Page:
-    """A page in a browser."""
-
-    def __init__(self, driver):
-        self.driver = driver
-
-    def open(self, path):
-        self.driver.get_log("browser")
-        self.driver.get(path.absolute().as_uri())
-        self.until("return document.documentElement.dataset.ready")
-
-    def js(self, code, *arguments):
-        return self.driver.execute_script(code, *arguments)
-
-    def until(self, code):
-        """What is returned, once it is true."""
-        end = time.monotonic() + WAIT
-        while not (value := self.js(code)):
-            assert time.monotonic() < end, code
-            time.sleep(0.05)
-        return value
-
-    def text(self, name):
-        return self.js("return document.getElementById(arguments[0]).textContent", name)
-
-    def place(self, plot, x, y):
-        """Where data are in the window, (x, y) of a map."""
-        self.js("document.querySelectorAll('.map .plot')[arguments[0]].scrollIntoView({block: 'center'})", plot)
-        return self.js(
-            """const [k, x, y] = arguments, figure = Bokeh.documents[0].roots()[k];
-            const box = document.querySelectorAll('.map .plot')[k].getBoundingClientRect();
-            const { frame } = Bokeh.index.find_one(figure);
-            return [box.left + frame.x_scale.compute(x), box.top + frame.y_scale.compute(y)];""",
-            plot, x, y,
-        )  # fmt: skip
-
-    def mouse(self, kind, place, **options):
-        event = {"type": kind, "x": place[0], "y": place[1], **options}
-        self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
-
-    def click(self, place):
-        self.mouse("mouseMoved", place)
-        for kind in ("mousePressed", "mouseReleased"):
-            self.mouse(kind, place, button="left", clickCount=1)
-
-    def lasso(self, corners):
-        self.mouse("mouseMoved", corners[0])
-        self.mouse("mousePressed", corners[0], button="left", clickCount=1)
-        for one, other in zip(corners, [*corners[1:], corners[0]], strict=True):
-            for share in np.linspace(0.1, 1, 10):
-                place = [a + share * (b - a) for a, b in zip(one, other, strict=True)]
-                self.mouse("mouseMoved", place, button="left", buttons=1)
-        self.mouse("mouseReleased", corners[0], button="left", clickCount=1)
-
-    def saved(self, button):
-        """What a button saves."""
-        self.js("window.blob = null; URL.createObjectURL = (blob) => { window.blob = blob; return '#'; };")
-        self.js("document.getElementById(arguments[0]).click()", button)
-        return self.driver.execute_async_script("window.blob.text().then(arguments[0])")
-
-    def troubles(self):
-        """What went wrong, and what was asked of the network."""
-        entries = self.driver.get_log("browser")
-        said = [entry["message"] for entry in entries if entry["level"] != "INFO" and entry["source"] != "rendering"]
-        return said + self.js(
-            "return performance.getEntriesByType('resource').map((e) => e.name).filter((n) => !/^(data|blob):/.test(n))"
-        )
-
-
-@pytest.fixture(scope="module")
 def page(folder, browser):
     """That of the run of the arm and the puck."""
     browser.open(explore(folder, folder.parent / "hockey.html"))
     return browser
+
+
+SHOW = "explorer.state.place = null; explorer.show(0, arguments[0])"
+MOVE = "document.getElementById('step').value = {}; document.getElementById('step').dispatchEvent(new Event('input'))"
 
 
 def shown(page):
@@ -329,7 +255,7 @@ def test_a_click_pins_and_another_takes_away(page, folder):
     for pins in (1, 0, 1):
         page.click(place)
         page.until(f"return document.querySelectorAll('#pins button').length === {pins}")
-        time.sleep(1)  # or two clicks are a double click
+        page.rest()  # or two clicks are a double click
 
 
 def test_an_empty_place_shows_what_the_descriptor_expects_there(page, folder):
@@ -503,6 +429,101 @@ def test_a_stream_for_which_there_is_no_room_is_left_out():
     assert (list(few["streams"]), few["left_out"]) == (["path", "joints"], ["camera"])
 
 
+def test_a_page_can_fetch_nothing_and_run_nothing_else(folder, browser, tmp_path):
+    path = explore(folder, tmp_path / "strict.html")
+    text = path.read_text()
+    assert all(f"{rule};" in text for rule in ("default-src 'none'", "connect-src 'none'", "base-uri 'none'"))
+    injected = text.replace(
+        "</header>", "<script>window.hacked = true</script><img src=x onerror='window.hacked = true'></header>"
+    )
+    path.write_text(injected)
+    browser.open(path)
+    assert browser.js("return window.hacked") is None
+    asked = "fetch('http://127.0.0.1:9/').then(() => 'fetched', (error) => error.name).then(arguments[0])"
+    assert browser.driver.execute_async_script(asked) == "TypeError"
+    assert any("Content Security Policy" in said for said in browser.troubles())
+
+
+LIBRARY = find_library("EGL") or find_library("OSMesa")
+needs_a_library = pytest.mark.skipif(not LIBRARY, reason="there is neither EGL nor OSMesa")
+
+
+@pytest.fixture(scope="module")
+def swimmers(tmp_path_factory):
+    """A run of a robot, and its task."""
+    pytest.importorskip("gymnasium")
+    task = auroraqd.tasks.Gym("Swimmer-v5", steps=30, samples=10)
+    aurora = auroraqd.Aurora(task.n_genes, PCA(2), seed=0, batch_size=10)
+    return task, auroraqd.save(aurora.run(task, generations=2), tmp_path_factory.mktemp("robots") / "swimmers")
+
+
+@needs_a_library
+def test_films_of_robots(swimmers, browser, tmp_path):
+    task, folder = swimmers
+    browser.open(explore(folder, tmp_path / "films.html", films=3, task=task))
+    repertoire = auroraqd.load(folder)
+    filmed = [int(row) for row in browser.js("return Object.keys(explorer.data().runs[0].films)")]
+    assert filmed == sorted(repertoire.sample(3))
+    assert browser.js("return document.querySelectorAll('.marks')[0].querySelectorAll('.filmed').length") == 3
+    browser.js(SHOW, filmed[0])
+    browser.until("return explorer.state.film.picture?.complete")
+    assert browser.js("return document.querySelector('#film figcaption').textContent") == ""
+    assert browser.js("return document.getElementById('step').max") == "29"  # frames: no more than steps
+    first, last = (
+        browser.until(f"{MOVE.format(k)}; return document.querySelector('#film canvas').toDataURL()") for k in (0, 29)
+    )
+    assert first != last
+    assert browser.text("now") == f"{30 * task.interval:.1f} of {30 * task.interval:.1f} s"
+    other = next(row for row in range(len(repertoire)) if row not in filmed)
+    distance = np.linalg.norm(repertoire.descriptor[filmed] - repertoire.descriptor[other], axis=1)
+    browser.js(SHOW, other)
+    said = browser.js("return document.querySelector('#film figcaption').textContent")
+    assert said == f"This is skill {filmed[np.argmin(distance)]}, the nearest of those that were filmed, which have rings. "
+    assert browser.troubles() == []
+
+
+@needs_a_library
+def test_films_when_they_are_asked_for(swimmers, browser, monkeypatch):
+    task, folder = swimmers
+    with serving(folder, task) as server:
+        browser.open(server.url)
+        assert browser.js("return document.querySelector('#film button').textContent") == "Film this skill"
+        browser.js("document.querySelector('#film button').click()")
+        browser.until("return explorer.state.film?.picture?.complete")
+        assert browser.js("return Object.keys(explorer.data().runs[0].films)") == [str(shown(browser))]
+        monkeypatch.setattr(robots, "find_library", lambda name: None)
+        browser.js(SHOW, (shown(browser) + 1) % 3)
+        browser.js("document.querySelector('#film button').click()")
+        browser.until(
+            "return document.getElementById('said').textContent.startsWith('there is no library to draw robots with')"
+        )
+        assert browser.js("return document.querySelector('#film figcaption').textContent").startswith("This is skill ")
+        browser.driver.get("about:blank")
+
+
+def test_a_page_says_how_films_are_to_be_had(swimmers, folder, browser, tmp_path):
+    browser.open(explore(swimmers[1], tmp_path / "none.html"))
+    said = browser.js("return document.querySelector('#film figcaption').textContent")
+    assert said == "The robot can be filmed: write the page with --films 24."
+    browser.open(explore(folder, tmp_path / "hockey.html"))
+    assert browser.js("return document.getElementById('film').hidden")
+
+
+def test_what_cannot_be_filmed_is_said(swimmers, folder, tmp_path):
+    for films in (-1, 65, 1.5, "x"):
+        with pytest.raises(ValueError, match="films must be a whole number"):
+            explore(folder, tmp_path / "x.html", films=films)
+    with pytest.raises(ValueError, match="the task of the run is no robot that MuJoCo draws"):
+        explore(folder, tmp_path / "x.html", films=1)
+    with pytest.raises(TypeError, match=r"task must be a robot, an auroraqd\.tasks\.Gym, got 5"):
+        explore(folder, tmp_path / "x.html", films=1, task=5)
+    with pytest.raises(ValueError, match="task CartPole-v1 is not of MuJoCo"):
+        explore(folder, tmp_path / "x.html", films=1, task=auroraqd.tasks.Gym("CartPole-v1", auroraqd.tasks.MLP()))
+    with pytest.raises(ValueError, match="task Swimmer-v5 has 7 genes, and the skills have 2"):
+        explore(found(lambda g: g, "genotype"), tmp_path / "x.html", films=1, task=swimmers[0])
+    assert not (tmp_path / "x.html").exists()
+
+
 def test_genes_that_are_called_like_other_columns_keep_theirs(browser, tmp_path):
     def task(genotypes):
         return genotypes[:, 0], genotypes
@@ -528,9 +549,11 @@ def test_names_do_not_run(browser, tmp_path):
 
     task.genes = auroraqd.tasks.Genes(**{EVIL: (0, 1, EVIL), "'\"&<b>": (0, 2)})
     task.__name__ = task.__qualname__ = EVIL
-    folder = auroraqd.save(found(task, "genotype"), tmp_path / "a<b>'&")
+    folder = auroraqd.save(found(task, "genotype"), tmp_path / EVIL / "a<b>'&")  # with a slash in it, EVIL is two folders
     browser.open(explore(folder, tmp_path / "evil.html"))
     assert browser.js("return window.hacked") is None
     assert EVIL in browser.text("genes")
     assert browser.text("title") == "a<b>'&"
+    browser.js("Bokeh.documents[0].roots()[0].renderers[0].data_source.selected.indices = [0]")
+    assert EVIL in browser.text("code")
     assert browser.troubles() == []

@@ -314,7 +314,9 @@ def calls(folder):
         "report.write_figures": Call(lambda: report.write_figures, {"folder": None}),
         "report.repertoire_figure": Call(lambda: report.repertoire_figure, {"repertoire": None}),
         "report.history_figure": Call(lambda: report.history_figure, {"records": None}),
-        "report.explore": Call(lambda: report.explore, {"run": folder, "path": "x.html", "most": 10}, unnamed=("run",)),
+        "report.explore": Call(
+            lambda: report.explore, {"run": folder, "path": "x.html", "most": 10, "films": 0, "task": None}, unnamed=("run",)
+        ),
         "report.film": Call(lambda: report.film, {"genotypes": GOOD, "path": "x.gif"}, ("task",)),
         "report.write_report": Call(lambda: report.write_report, {"experiment": None}, ("ledger",)),
         "UnstructuredArchive": Call(lambda: auroraqd.UnstructuredArchive, {}),

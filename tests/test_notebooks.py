@@ -1,10 +1,12 @@
-"""What notebooks show: a table and a picture of whatever there is, in which nothing can run."""
+"""What notebooks show: a table and a picture of whatever there is, in which nothing can run; and two notebooks that run."""
 
 import base64
 import io
 import subprocess
 import sys
+import warnings
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -129,3 +131,82 @@ def test_matplotlib_is_imported_when_it_is_wanted():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True"]
+
+
+NOTEBOOKS = sorted((Path(__file__).parent.parent / "examples").glob("*.ipynb"))
+
+
+def test_there_are_two_notebooks():
+    assert len(NOTEBOOKS) == 2
+
+
+@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
+def executed(request, tmp_path_factory):
+    """A notebook after it has run, from top to bottom, in a kernel of its own."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    folder, notebook = tmp_path_factory.mktemp("notebook"), nbformat.read(request.param, as_version=4)
+    nbformat.validate(notebook)
+    assert not any(cell.get("outputs") for cell in notebook.cells), "it is kept without what it shows"
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what runs it
+        patch.setenv("IPYTHONDIR", str(folder / "ipython"))
+        patch.chdir(folder)
+        nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    return notebook
+
+
+def outputs(notebook, kind):
+    """What the last lines of cells showed, by the lines."""
+    return {
+        cell.source.splitlines()[-1]: output.data[kind]
+        for cell in notebook.cells
+        if cell.cell_type == "code"
+        for output in cell.outputs
+        if kind in output.get("data", {})
+    }
+
+
+def test_a_notebook_shows_what_there_is(executed):
+    cells = [cell for cell in executed.cells if cell.cell_type == "code"]
+    assert [output for cell in cells for output in cell.outputs if output.output_type in ("error", "stream")] == []
+    pages = outputs(executed, "text/html")
+    tables = {line: Page(html) for line, html in pages.items() if "explore" not in line}
+    assert len(tables) >= 2
+    for line, page in tables.items():
+        assert len(page.pictures) == 1, line
+        assert page.texts[0].startswith(("Aurora", "UnstructuredArchive", "History", "Repertoire"))
+    figures = outputs(executed, "image/png")
+    assert figures
+    for line, png in figures.items():
+        assert line.endswith(".plot()")
+        assert min(image.imread(io.BytesIO(base64.b64decode(png))).shape[:2]) > 100
+
+
+def test_a_notebook_shows_the_explorer(executed, browser, tmp_path):
+    ((line, frame),) = ((line, html) for line, html in outputs(executed, "text/html").items() if "explore" in line)
+    assert frame.startswith("<iframe ")
+    assert "<script" not in frame  # all of it is escaped, and in a frame that cannot reach the notebook
+    assert 'sandbox="allow-scripts allow-downloads"' in frame
+    path = tmp_path / "notebook.html"
+    path.write_text(f"<!DOCTYPE html><meta charset=utf-8>{frame}")
+    browser.driver.get(path.as_uri())
+    browser.driver.switch_to.frame(0)
+    try:
+        browser.until("return document.documentElement.dataset.ready")
+        runs = browser.js("return explorer.data().runs.map((run) => run.rows.length)")
+        assert len(runs) == 1 + line.count("runs,")
+        assert min(runs) > 100
+        with pytest.raises(Exception, match="cross-origin"):
+            browser.js("return parent.document.title")
+    finally:
+        browser.driver.switch_to.default_content()
+
+
+def test_a_page_that_is_gone_is_a_path(aurora, tmp_path):
+    page = auroraqd.report.explore(aurora, tmp_path / "skills.html")
+    assert page == tmp_path / "skills.html"
+    assert "srcdoc" in page._repr_html_()
+    page.unlink()
+    assert page._repr_html_() is None
+    assert page.with_suffix(".other")._repr_html_() is None

@@ -1,6 +1,7 @@
 """`auroraqd show`, `explore` and `animate`: to look at what was found."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,16 +46,15 @@ def animate(
         raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
     repertoire, config = folders.load(folder), folders.load_config(folder)
     from auroraqd.report import film
+    from auroraqd.report.robots import check_robot, robot_of
     from auroraqd.report.scenes import scene_of
     from auroraqd.report.skills import animate, check_rows
 
     rows = repertoire.sample(12) if skill is None else np.array([skill])
     check_rows(repertoire, rows)
-    robot = _robot(config, task)
-    if robot is not None and robot.n_genes != repertoire.genotype.shape[1]:
-        raise UserError(
-            f"task {task} has {robot.n_genes} genes, and the skills in {folder} have {repertoire.genotype.shape[1]}"
-        )
+    robot = robot_of(config, task)
+    if robot is not None:
+        check_robot(robot, repertoire.genotype.shape[1])
     path = out or folder / folders.FIGURES / ("skills.gif" if skill is None else f"skill-{skill}.gif")
     with busy("drawing") as status:
 
@@ -72,41 +72,51 @@ def animate(
 
 def explore(
     folders: Annotated[list[Path], typer.Argument(help="Run folder; several are compared in their ground truth.")],
-    out: Annotated[Path, typer.Option(help="The .html file to write.")] = Path("skills.html"),
-    most: Annotated[int, typer.Option(help="Skills in the page; of more, as many are drawn at random.")] = 20_000,
+    out: Annotated[Path | None, typer.Option(help="The .html file to write. [default: skills.html]")] = None,
+    most: Annotated[int, typer.Option(min=1, help="Skills in the page; of more, as many are drawn at random.")] = 20_000,
+    films: Annotated[
+        int, typer.Option(min=0, max=64, help="Diverse skills of a robot of MuJoCo to film. Its task is imported.")
+    ] = 0,
+    task: Annotated[str | None, typer.Option(help="mymodule:my_task, the robot to film. [default: that of the run]")] = None,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Write no file, but show the run in a browser on this machine, while it goes on.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65_535, help="With --serve: where it listens. 0: any port that is free.")] = 0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Write a page to explore skills in a browser: one file, which needs no network and no server.
 
     Example: auroraqd explore runs/first --out skills.html
     """
-    if out.exists() and not overwrite:
-        raise UserError(f"{out} exists: choose another file with --out, or replace it with --overwrite")
-    with busy("loading"):
+    if serve:
+        if out is not None or films or len(folders) > 1:
+            raise UserError("--serve shows one run folder, whose robots are filmed when asked: leave out --out and --films")
+        _serve(folders[0], port, most, task)
+        return
+    path = out or Path("skills.html")
+    if path.exists() and not overwrite:
+        raise UserError(f"{path} exists: choose another file with --out, or replace it with --overwrite")
+    with busy("drawing films" if films else "loading"), warnings_said():
         from auroraqd.report import explore
+        from auroraqd.report.robots import robot_of
 
-        with warnings_said():
-            explore(folders, out, most=most)
-    console.print(f"{out}, {out.stat().st_size / 1e6:.1f} MB: open it in a browser", highlight=False, soft_wrap=True)
+        explore(folders, path, most=most, films=films, task=None if task is None else robot_of({}, task))
+    console.print(f"{path}, {path.stat().st_size / 1e6:.1f} MB: open it in a browser", highlight=False, soft_wrap=True)
 
 
-def _robot(config: Mapping[str, Any], named: str | None) -> Any:
-    """The task that is named, or else that of the run, if it is a robot that MuJoCo draws; or None."""
-    from auroraqd.experiments import Settings
-    from auroraqd.experiments.settings import task_of
-    from auroraqd.tasks import Gym
+def _serve(folder: Path, port: int, most: int, task: str | None) -> None:
+    with busy("loading"):
+        from auroraqd.report.explorer.serving import Server
+        from auroraqd.report.robots import robot_of
 
-    try:
-        task = Settings(task=named or task_of(config) or "ballistic").build_task()
-    except ValueError:
-        if named is not None:
-            raise
-        return None  # its module is not here: its trajectories can be drawn
-    if isinstance(task, Gym) and task.model is not None:
-        return task
-    if named is not None:
-        raise UserError(f"task {named} is no robot that MuJoCo draws, a Gym of one of its environments")
-    return None
+        server = Server(folder, port, most=most, task=None if task is None else robot_of({}, task))
+    with server, suppress(KeyboardInterrupt):
+        console.print(server.url, highlight=False, soft_wrap=True)
+        console.print(
+            f"Open it in a browser on this machine: it follows {folder}. Ctrl-C ends it.", highlight=False, soft_wrap=True
+        )
+        server.serve_forever()
+    console.print(f"{folder} is no longer served", highlight=False, soft_wrap=True)
 
 
 def report(folder: Path, figures: bool) -> None:

@@ -7,7 +7,7 @@ moves, the torso of most robots.
 import copy
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes.util import find_library
 from importlib import import_module
 from pathlib import Path
@@ -55,10 +55,7 @@ def film(
         TypeError: the path is none.
         OSError: it cannot be written.
     """
-    if getattr(task, "model", None) is None:
-        raise ValueError(f"task {name_of(task)} is not of MuJoCo, which would draw it")
-    if len(_moving(task.model)) == 0:
-        raise ValueError(f"task {name_of(task)} has nothing to film: no body that moves has a geom, in its model of MuJoCo")
+    check_robot(task)
     path, genotypes = as_path("path", path), numbers("genotypes", genotypes, " of shape (n, n_genes)")
     if genotypes.ndim != 2 or len(genotypes) == 0:
         raise ValueError(f"genotypes must have shape (n, n_genes), with at least one row, got {genotypes.shape}")
@@ -85,6 +82,42 @@ def film(
                 add()
     finally:
         studio.close()
+
+
+def check_robot(task: Any, n_genes: int | None = None) -> None:
+    """Raise ValueError unless a task is of a robot that can be drawn, and of this number of genes."""
+    if getattr(task, "model", None) is None:
+        raise ValueError(f"task {name_of(task)} is not of MuJoCo, which would draw it")
+    if len(_moving(task.model)) == 0:
+        raise ValueError(f"task {name_of(task)} has nothing to film: no body that moves has a geom, in its model of MuJoCo")
+    if n_genes not in (None, task.n_genes):
+        raise ValueError(f"task {name_of(task)} has {task.n_genes} genes, and the skills have {n_genes}")
+
+
+def robot_of(config: Mapping[str, Any], named: str | None = None) -> Gym | None:
+    """The task of a run, or the one that is named, if it is a robot that MuJoCo draws; None where that of the run is none, or
+    is not here.
+
+    Args:
+        config: of the run folder. Its task is imported.
+        named: "mymodule:my_task".
+
+    Raises:
+        ValueError: there is no such task, or it is no robot.
+    """
+    from auroraqd.experiments.settings import Settings, task_of
+
+    try:
+        task = Settings(task=named or task_of(config) or "ballistic").build_task()
+    except ValueError:
+        if named is not None:
+            raise
+        return None  # its module is not here
+    if isinstance(task, Gym) and task.model is not None:
+        return task
+    if named is not None:
+        raise ValueError(f"task {named} is no robot that MuJoCo draws, a Gym of one of its environments")
+    return None
 
 
 def _first_bad(poses: np.ndarray) -> int:
@@ -114,17 +147,20 @@ class Studio:
     Args:
         model: of MuJoCo.
         poses: (n, frames, nq).
+        size: of a picture, (width, height), in pixels.
+        together: whether one camera sees all n, so that they compare; or each has its own, which is nearer.
 
     Raises:
         ValueError: there is no library to draw with.
     """
 
-    def __init__(self, model: Any, poses: np.ndarray):
+    def __init__(self, model: Any, poses: np.ndarray, size: tuple[int, int] = (_WIDTH, _HEIGHT), *, together: bool = True):
         self._mujoco: Any = import_module("mujoco")
-        self._context = gl_context()
+        self._width, self._height = size
+        self._context = gl_context(*size)
         self._model = copy.deepcopy(model)  # of which only looks are changed
         _paler(self._model)
-        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = _WIDTH, _HEIGHT
+        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = size
         self._data, self._poses = self._mujoco.MjData(self._model), poses
         self._body = self._model.jnt_bodyid[0] if self._model.njnt else 0
         self._context.make_current()
@@ -136,7 +172,8 @@ class Studio:
         for place in np.ndindex(poses.shape[:2]):
             self._pose(poses[place])
             self._way[place], places[place] = self._data.xpos[self._body], self._data.geom_xpos[self._geoms]
-        self._camera = self._standing(places.reshape(-1, len(self._geoms), 3))
+        groups = [places.reshape(-1, len(self._geoms), 3)] * len(poses) if together else places
+        self._cameras = [self._standing(group) for group in groups]
 
     def picture(self, row: int, frame: int) -> np.ndarray:
         """(height, width, 3), uint8."""
@@ -148,14 +185,14 @@ class Studio:
             self._data,
             mujoco.MjvOption(),
             mujoco.MjvPerturb(),
-            self._camera,
+            self._cameras[row],
             mujoco.mjtCatBit.mjCAT_ALL.value,
             self._scene,
         )
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0  # half the time to draw without a GPU, and hardly seen
         for start, end in zip(self._way[row, :frame], self._way[row, 1 : frame + 1], strict=True):
-            self._line(start, end)
-        size, picture = mujoco.MjrRect(0, 0, _WIDTH, _HEIGHT), np.empty((_HEIGHT, _WIDTH, 3), np.uint8)
+            self._line(start, end, _THICK * self._cameras[row].distance)
+        size, picture = mujoco.MjrRect(0, 0, self._width, self._height), np.empty((self._height, self._width, 3), np.uint8)
         mujoco.mjr_render(size, self._scene, self._drawing)
         mujoco.mjr_readPixels(picture, None, size, self._drawing)
         return picture[::-1]
@@ -170,13 +207,13 @@ class Studio:
         self._data.qpos[:] = pose
         self._mujoco.mj_forward(self._model, self._data)
 
-    def _line(self, start: np.ndarray, end: np.ndarray) -> None:
+    def _line(self, start: np.ndarray, end: np.ndarray, thick: float) -> None:
         capsule, there = self._mujoco.mjtGeom.mjGEOM_CAPSULE, self._scene.ngeom
         if there == self._scene.maxgeom or np.array_equal(start, end):
             return
         geom = self._scene.geoms[there]
         self._mujoco.mjv_initGeom(geom, capsule, np.zeros(3), np.zeros(3), np.eye(3).ravel(), _WAY)
-        self._mujoco.mjv_connector(geom, capsule, _THICK * self._camera.distance, start, end)
+        self._mujoco.mjv_connector(geom, capsule, thick, start, end)
         self._scene.ngeom += 1
 
     def _standing(self, places: np.ndarray) -> Any:
@@ -189,7 +226,7 @@ class Studio:
         tilt = np.deg2rad(camera.elevation)
         right, forward = np.array([1, 0, 0]), np.array([0, np.cos(tilt), np.sin(tilt)])
         offset, radius = places - camera.lookat, self._model.geom_rbound[self._geoms]
-        aside = np.maximum(np.abs(offset @ right) * _HEIGHT / _WIDTH, np.abs(offset @ np.cross(right, forward)))
+        aside = np.maximum(np.abs(offset @ right) * self._height / self._width, np.abs(offset @ np.cross(right, forward)))
         half = np.tan(np.deg2rad(self._model.vis.global_.fovy) / 2)
         camera.distance = _MARGIN * ((aside + radius) / half - offset @ forward).max()
         return camera
@@ -213,7 +250,7 @@ def _size(model: Any, texture: int) -> int:
     return int(model.tex_height[texture] * model.tex_width[texture] * model.tex_nchannel[texture])
 
 
-def gl_context() -> Any:
+def gl_context(width: int = _WIDTH, height: int = _HEIGHT) -> Any:
     """What MuJoCo draws into: memory.
 
     Raises:
@@ -222,9 +259,9 @@ def gl_context() -> Any:
     wanted = os.environ.get("MUJOCO_GL", "").lower().strip()
     try:
         if not sys.platform.startswith("linux"):
-            return import_module("mujoco").GLContext(_WIDTH, _HEIGHT)
+            return import_module("mujoco").GLContext(width, height)
         name = wanted if wanted in _LIBRARIES else next(name for name in _LIBRARIES if find_library(_LIBRARIES[name]))
-        return import_module(f"mujoco.{name}").GLContext(_WIDTH, _HEIGHT)
+        return import_module(f"mujoco.{name}").GLContext(width, height)
     except (StopIteration, ImportError, AttributeError, RuntimeError) as error:
         reason = f" ({error})" if str(error) else ""
         raise ValueError(

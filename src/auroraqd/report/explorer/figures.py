@@ -14,6 +14,7 @@ from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
 
 from auroraqd.report.explorer.compared import box
+from auroraqd.report.explorer.tables import packed
 
 _BACKED_OFF = 0.1  # opacity of skills beside those that are selected
 PALETTE = tuple(Cividis256)
@@ -54,7 +55,7 @@ def document(runs: Sequence[Mapping[str, Any]]) -> tuple[Document, list[dict[str
     models["lines"] = {"skill": _lines("skill"), "set": _lines("set")}
     for plot in [*(each["figure"] for each in maps), *models["lines"].values()]:
         document.add_root(plot)
-    data = {"runs": list(runs)}
+    data = packed({"runs": list(runs)})
     document.js_on_event("document_ready", CustomJS(args={"models": models, "data": data}, code="explorer.start(models, data)"))
     return document, maps
 
@@ -81,12 +82,15 @@ def _empty(*columns: str) -> ColumnDataSource:
 def _plain(name: str, tools: str, **options: Any) -> Any:
     plot = figure(name=name, tools=tools, sizing_mode="stretch_both", min_width=100, min_height=100, **options)
     plot.toolbar.logo = None
+    plot.axis.minor_tick_line_color = None
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.grid.grid_line_alpha = 0.6
     plot.background_fill_color = plot.border_fill_color = plot.outline_line_color = None
     return plot
 
 
 def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
-    """Skills as points, and above them, on a canvas of their own, what is pointed at."""
+    """Skills as points; the page draws what is pointed at above them."""
     plot = _plain(
         name, "pan,wheel_zoom,reset,save", output_backend="webgl", active_scroll="wheel_zoom", toolbar_location="above"
     )
@@ -106,12 +110,6 @@ def _map(name: str, source: ColumnDataSource, space: str, n: int) -> Plot:
     lasso = LassoSelectTool(persistent=False, continuous=False, renderers=[points])
     plot.add_tools(BoxSelectTool(persistent=False, renderers=[points]), lasso)
     plot.toolbar.active_drag = lasso
-    # Glyphs that Bokeh does not draw by WebGL, in which marks that come and go would be missed now and then.
-    way, marks = _empty("x0", "y0", "x1", "y1"), _empty("x", "y", "size", "fill", "line")
-    plot.segment("x0", "y0", "x1", "y1", source=way, level="overlay", name="way", line_width=1.5)
-    screen = {"width": "size", "height": "size", "width_units": "screen", "height_units": "screen"}
-    look = {"fill_color": "fill", "line_color": "line", "line_width": 2}
-    plot.ellipse("x", "y", source=marks, level="overlay", name="marks", **screen, **look)
     for event, function in ((MouseMove, "move"), (Tap, "tap")):
         plot.js_on_event(event, CustomJS(args={"name": name}, code=f"explorer.{function}(name, cb_obj)"))
     return plot
@@ -129,7 +127,7 @@ def _add_then(plot: Any, source: ColumnDataSource, space: str, n: int) -> None:
 
 
 def _lines(name: str) -> Plot:
-    """Paths or series as lines, with what moves above them."""
+    """Paths or series as lines, and what moves; on the upper canvas, or the axes would be drawn again each time."""
     plot = _plain(f"{name}-lines", "", x_range=Range1d(), y_range=Range1d())
     lines = _empty("xs", "ys", "color", "width", "alpha", "dash")
     plot.multi_line(
@@ -142,9 +140,17 @@ def _lines(name: str) -> Plot:
         line_dash="dash",
         name="lines",
         line_join="round",
+        level="overlay",
     )
     plot.scatter(
-        "x", "y", source=_empty("x", "y", "color", "size"), size="size", color="color", line_color=None, name="samples"
+        "x",
+        "y",
+        source=_empty("x", "y", "color", "size"),
+        size="size",
+        color="color",
+        line_color=None,
+        name="samples",
+        level="overlay",
     )
     plot.line("x", "y", source=_empty("x", "y"), line_width=1.5, name="border")
     if name == "skill":

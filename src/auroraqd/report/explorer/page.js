@@ -8,10 +8,23 @@ window.explorer = (() => {
   const NEAR = 14; // pixels within which a click means a skill
   const LINES = 300, PICTURES = 48, FOUND = 12, ANCESTORS = 50; // that are shown of a set; that are found; on the maps
   const $ = (id) => document.getElementById(id);
-  const state = { run: 0, skill: -1, place: null, pins: [], set: null, playing: null, moment: null };
+  const EVERY = 2000, REST = 10; // milliseconds between two looks at a run; times that a page is there for what it took to come
+  const KEPT = "explorer"; // in the session of the browser
+  const state = { run: 0, skill: -1, place: null, pins: [], set: null, playing: null, moment: null, film: null, filming: false };
   let models, data, maps, ink, shaded = null;
 
   // Tables: rows of numbers in few bytes.
+  const TYPES = { uint8: Uint8Array, int8: Int8Array, uint16: Uint16Array, int32: Int32Array, uint32: Uint32Array, float32: Float32Array, float64: Float64Array };
+  const bytesOf = (text) => Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+
+  /** What was packed (tables.py), as arrays. */
+  function unpacked(value) {
+    if (Array.isArray(value)) return value.map(unpacked);
+    if (value === null || typeof value !== "object" || ArrayBuffer.isView(value)) return value;
+    if (typeof value.base64 === "string") return Object.assign(new TYPES[value.dtype](bytesOf(value.base64).buffer), { shape: value.shape });
+    return Object.fromEntries(Object.entries(value).map(([name, each]) => [name, unpacked(each)]));
+  }
+
   const width = (table) => table.values.shape[1];
   const entry = (table, i, j) => {
     const value = table.values[i * width(table) + j];
@@ -143,25 +156,38 @@ window.explorer = (() => {
     drawSet();
   }
 
-  /** Rings and dots above the maps: what is pointed at, its ancestors, what is pinned, and the place that was clicked. */
+  /** Rings and dots above the maps: what is pointed at, its ancestors, what is pinned or has a film, and the place that was clicked.
+   *
+   * They are a picture of their own above each map, for they change with each move: the browser draws what has changed, and
+   * Bokeh nothing. */
   function mark() {
-    for (const map of maps) {
-      const marks = { x: [], y: [], size: [], fill: [], line: [] }, way = { x0: [], y0: [], x1: [], y1: [] };
-      const put = ([x, y], size, inside, line) => append(marks, [x, y, size, inside, line]);
-      state.pins.forEach((pin) => { if (pin.run === map.run) put(placeOn(map, pin.skill), 11, pin.colour, ink.paper); });
-      if (state.place && state.place.map === map) put(state.place.at, 11, ink.expected, ink.ink);
-      if (state.skill >= 0 && state.run === map.run) {
-        const line = [state.skill, ...ancestors(data.runs[state.run], state.skill).chain.slice(0, ANCESTORS)];
-        line.slice(1).forEach((i, k) => { append(way, [...placeOn(map, line[k]), ...placeOn(map, i)]); });
-        line.slice(1).forEach((i) => { put(placeOn(map, i), 6, ink.soft, ink.paper); });
-        put(placeOn(map, state.skill), 15, "rgba(0, 0, 0, 0)", ink.ink);
-      } else if (state.skill >= 0) { // the same outcome in the other run
-        const twin = twinOf(map);
-        if (twin >= 0) put(placeOn(map, twin), 15, "rgba(0, 0, 0, 0)", ink.soft);
-      }
-      fill(map.figure, "marks", marks);
-      fill(map.figure, "way", way);
+    maps.forEach(markOn);
+  }
+
+  function markOn(map) {
+    const { frame } = map.view, { left, top, width: wide, height } = frame.bbox, run = data.runs[map.run];
+    const shapes = [], on = ([x, y]) => [frame.x_scale.compute(x) - left, frame.y_scale.compute(y) - top];
+    const add = (kind, attributes) => {
+      if (Object.values(attributes).some(Number.isNaN)) return; // it was not there then
+      const shape = document.createElementNS(map.marks.namespaceURI, kind);
+      for (const [name, value] of Object.entries(attributes)) shape.setAttribute(name, value);
+      shapes.push(shape);
+    };
+    const dot = (place, r, look, more = {}) => { const [cx, cy] = on(place); add("circle", { cx, cy, r, class: look, ...more }); };
+    for (const skill of Object.keys(run.films)) dot(placeOn(map, Number(skill)), 3.5, "filmed");
+    for (const pin of state.pins) if (pin.run === map.run) dot(placeOn(map, pin.skill), 5.5, "pin", { fill: pin.colour });
+    if (state.place?.map === map) dot(state.place.at, 5.5, "place");
+    if (state.skill >= 0 && state.run === map.run) {
+      const line = [state.skill, ...ancestors(run, state.skill).chain.slice(0, ANCESTORS)].map((i) => placeOn(map, i));
+      line.slice(1).forEach((to, k) => { const [[x1, y1], [x2, y2]] = [on(line[k]), on(to)]; add("line", { x1, y1, x2, y2 }); });
+      line.slice(1).forEach((place) => { dot(place, 3, "ancestor"); });
+      dot(line[0], 7.5, "shown");
+    } else if (state.skill >= 0) { // the same outcome in the other run
+      const twin = twinOf(map);
+      if (twin >= 0) dot(placeOn(map, twin), 7.5, "twin");
     }
+    Object.assign(map.marks.style, { left: `${left}px`, top: `${top}px`, width: `${wide}px`, height: `${height}px` });
+    map.marks.replaceChildren(...shapes);
   }
 
   function twinOf(map) {
@@ -260,6 +286,7 @@ window.explorer = (() => {
 
   function drawSkill() {
     if (state.skill < 0) return;
+    showFilm();
     const run = data.runs[state.run], { skill, place } = state;
     $("which").textContent = nameOf(state.run, skill) + (place ? ", the nearest to that place" : "");
     const expected = place?.decoded ?? (place ? null : reconstruction(run, skill));
@@ -380,16 +407,23 @@ window.explorer = (() => {
   }
 
   // What moves.
-  function animate(step) {
-    const run = data.runs[state.run], { stage, sight } = run, figure = models.lines.skill;
-    const moving = state.skill >= 0 && sight.kind === "path";
-    document.querySelector("aside .player").hidden = !moving;
-    if (!moving) return;
-    const k = Math.min(step, sight.shape[0] - 1), at = [0, 1].map((j) => entry(run.observed, state.skill, 2 * k + j));
+  /** How many moments there are to see of a skill: frames of its film, or samples of its path. */
+  function momentsOf({ sight: { kind, shape } }) {
+    return state.film ? state.film.frames : kind === "path" ? shape[0] : 0;
+  }
+
+  function animate(moment) {
+    const run = data.runs[state.run], { stage, sight } = run, figure = models.lines.skill, moments = momentsOf(run);
+    document.querySelector("aside .player").hidden = moments === 0 || state.skill < 0;
+    if (moments === 0 || state.skill < 0) return;
+    if (state.film) paint(state.film, moment);
+    const steps = sight.shape[0], k = Math.max(Math.ceil((moment + 1) * steps / moments) - 1, 0);
+    $("now").textContent = state.film ? `${((moment + 1) / moments * state.film.seconds).toFixed(1)} of ${state.film.seconds.toFixed(1)} s` : `${k + 1} of ${steps}`;
+    if (sight.kind !== "path") return;
+    const at = [0, 1].map((j) => entry(run.observed, state.skill, 2 * k + j));
     const radius = stage.radius || 0.02 * (stage.high[0] - stage.low[0]);
     fill(figure, "body", { x: [at[0]], y: [at[1]], radius: [radius] });
     fill(figure, "arm", stage.arm ? armOf(run, k) : { x: [], y: [] });
-    $("now").textContent = `${k + 1} of ${sight.shape[0]}`;
   }
 
   function armOf({ stage: { arm }, spaces: { genes } }, k) {
@@ -404,13 +438,13 @@ window.explorer = (() => {
 
   function play() {
     if (state.playing || state.skill < 0) { stop(); return; }
-    const { sight, stage } = data.runs[state.run], steps = sight.shape[0], slider = $("step");
-    if (sight.kind !== "path") return;
-    const from = Number(slider.value) >= steps - 1 ? 0 : Number(slider.value), began = performance.now();
+    const run = data.runs[state.run], moments = momentsOf(run), seconds = state.film?.seconds ?? run.stage?.seconds, slider = $("step");
+    if (!moments) return;
+    const from = Number(slider.value) >= moments - 1 ? 0 : Number(slider.value), began = performance.now();
     const frame = (now) => {
-      slider.value = Math.min(from + Math.floor((now - began) / 1000 / stage.seconds * steps), steps - 1);
+      slider.value = Math.min(from + Math.floor((now - began) / 1000 / seconds * moments), moments - 1);
       animate(Number(slider.value));
-      if (Number(slider.value) < steps - 1) state.playing = requestAnimationFrame(frame); else stop();
+      if (Number(slider.value) < moments - 1) state.playing = requestAnimationFrame(frame); else stop();
     };
     state.playing = requestAnimationFrame(frame);
     $("play").textContent = "❚❚";
@@ -422,6 +456,68 @@ window.explorer = (() => {
     $("play").textContent = "▶";
   }
 
+  // Films of robots: of a skill one picture, with all frames below each other.
+  /** Take the film of the skill that is shown, or else of the nearest skill that has one. */
+  function showFilm() {
+    const run = data.runs[state.run], near = run.films[state.skill] ? state.skill : nearestFilmed(run), slider = $("step");
+    const [canvas, caption] = $("film").children, moments = momentsOf(run);
+    state.film = run.films[near] ?? null;
+    $("film").hidden = !state.film && !run.filmed;
+    canvas.hidden = !state.film;
+    caption.replaceChildren(...captionOf(run, near));
+    if (momentsOf(run) !== moments) {
+      const share = slider.value / slider.max;
+      slider.max = momentsOf(run) - 1;
+      slider.value = Math.round(share * slider.max);
+    }
+  }
+
+  function captionOf(run, near) {
+    if (near === state.skill) return [];
+    const nearest_ = near < 0 ? "" : `This is ${nameOf(state.run, near)}, the nearest of those that were filmed, which have rings. `;
+    if (run.filmed === "asked") return [nearest_, button("Film this skill", () => askFilm(run, state.skill))];
+    return [nearest_ || "The robot can be filmed: write the page with --films 24."];
+  }
+
+  function nearestFilmed(run) {
+    const { table } = run.spaces.descriptor;
+    let best = -1, least = Infinity;
+    for (const skill of Object.keys(run.films).map(Number)) {
+      let sum = 0;
+      for (let j = 0; j < width(table); j++) sum += (entry(table, skill, j) - entry(table, state.skill, j)) ** 2;
+      if (sum < least) { best = skill; least = sum; }
+    }
+    return best;
+  }
+
+  function paint(film, frame) {
+    const [canvas] = $("film").children;
+    if (!film.picture) {
+      film.picture = new Image();
+      film.picture.src = film.image;
+    }
+    const { picture, frames } = film;
+    if (!picture.complete) { // what is shown by then may be another one
+      picture.decode().then(() => { if (state.film === film) paint(film, Number($("step").value)); });
+      return;
+    }
+    const wide = picture.naturalWidth, high = picture.naturalHeight / frames;
+    if (canvas.width !== wide || canvas.height !== high) Object.assign(canvas, { width: wide, height: high });
+    canvas.getContext("2d").drawImage(picture, 0, frame * high, wide, high, 0, 0, wide, high);
+  }
+
+  async function askFilm(run, skill) {
+    say(`The film of ${nameOf(state.run, skill)} is drawn: some seconds.`);
+    const { trouble, ...film } = await ask(`film?id=${run.id[skill]}`).catch(() => ({ trouble: "The server does not answer." }));
+    say(trouble ?? "");
+    if (trouble) return;
+    run.films[skill] = film;
+    state.filming = true; // and those that are pinned
+    mark();
+    drawSkill();
+    if (data.runs[state.run] === run && state.skill === skill) play();
+  }
+
   // Pins.
   function pin(run, skill) {
     const at = state.pins.findIndex((each) => each.run === run && each.skill === skill);
@@ -431,6 +527,14 @@ window.explorer = (() => {
       if (!free) { say(`${PINS.length} skills are pinned: take one away first`); return; }
       state.pins.push({ run, skill, colour: free });
     }
+    listPins();
+    show(run, skill);
+    if (at >= 0) return;
+    if (state.filming && !data.runs[run].films[skill]) askFilm(data.runs[run], skill);
+    else if (!state.playing && !matchMedia("(prefers-reduced-motion)").matches) play();
+  }
+
+  function listPins() {
     $("pins").replaceChildren(...state.pins.map((each) => {
       const made = button(`${nameOf(each.run, each.skill)} ✕`, () => pin(each.run, each.skill));
       made.style.setProperty("--pin", each.colour);
@@ -439,7 +543,6 @@ window.explorer = (() => {
       item.append(made);
       return item;
     }));
-    show(run, skill);
   }
 
   // Sets.
@@ -544,18 +647,82 @@ window.explorer = (() => {
     event.preventDefault();
   }
 
+  // Live: a page that is served asks which checkpoint there is, and is loaded anew to show another one.
+  const ask = async (what) => {
+    const answer = await fetch(`${what}${what.includes("?") ? "&" : "?"}${location.search.slice(1)}`);
+    if (!answer.ok) throw new Error(answer.statusText);
+    return answer.json();
+  };
+
+  async function follow() {
+    const bar = $("live"), [said, now] = bar.children, each = bar.querySelector("input").checked;
+    try {
+      const { checkpoint, of, trouble } = await ask("state"), newer = checkpoint !== bar.dataset.checkpoint;
+      said.textContent = trouble ? `The last good checkpoint is shown: ${trouble}`
+        : newer ? `There is a new checkpoint: ${of}.` : "This is the last checkpoint.";
+      now.hidden = !newer || trouble !== "";
+      if (each && !now.hidden && performance.now() > REST * document.documentElement.dataset.ready) location.reload();
+    } catch {
+      said.textContent = "The server does not answer. This is what it showed last.";
+      now.hidden = true;
+    }
+    setTimeout(follow, EVERY);
+  }
+
+  const chosen = (select) => select.selectedOptions[0]?.text;
+
+  function selectText(select, text) {
+    const k = [...select.options].findIndex((option) => option.text === text);
+    if (k < 0 || k === select.selectedIndex) return;
+    select.selectedIndex = k;
+    select.dispatchEvent(new Event("change"));
+  }
+
+  const selectsOf = (map) => [...map.element.querySelectorAll("select")];
+
+  /** Skills are kept by their ids: another checkpoint has them elsewhere. */
+  function keep() {
+    const [{ id }] = data.runs;
+    sessionStorage.setItem(KEPT, JSON.stringify({
+      pins: state.pins.map(({ skill, colour: color }) => ({ id: id[skill], colour: color })),
+      shown: id[state.skill],
+      set: state.set?.indices.map((i) => id[i]) ?? [],
+      choices: [$("colour"), $("stream"), ...maps.flatMap(selectsOf)].map(chosen),
+      each: $("live").querySelector("input").checked,
+      dark: document.documentElement.dataset.theme === "dark",
+    }));
+  }
+
+  function recall() {
+    const kept = JSON.parse(sessionStorage.getItem(KEPT)), [run] = data.runs;
+    if (!kept) return;
+    theme(kept.dark);
+    $("live").querySelector("input").checked = kept.each;
+    [$("colour"), $("stream"), ...maps.flatMap(selectsOf)].forEach((select, k) => { selectText(select, kept.choices[k]); });
+    state.pins = kept.pins.map(({ id, colour: color }) => ({ run: 0, skill: skillOf(run, id), colour: color })).filter(({ skill }) => skill >= 0);
+    listPins();
+    models.sources[0].selected.indices = kept.set.map((id) => skillOf(run, id)).filter((skill) => skill >= 0);
+    const shown = skillOf(run, kept.shown);
+    show(0, shown < 0 ? run.first : shown);
+    const gone = kept.pins.length - state.pins.length;
+    if (gone) say(`${gone} of the skills that were pinned ${gone > 1 ? "are" : "is"} not stored any more.`);
+  }
+
+  function live() {
+    recall();
+    $("live").querySelector("button").addEventListener("click", () => location.reload());
+    addEventListener("pagehide", keep);
+    follow();
+  }
+
   // Looks.
   function dress() {
     const style = getComputedStyle(document.documentElement);
     ink = Object.fromEntries(["ink", "soft", "line", "paper", "expected"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
     const figures = [...maps.map(({ figure }) => figure), ...Object.values(models.lines)];
     for (const figure of figures) {
-      for (const part of [...figure.left, ...figure.below]) {
-        part.setv({ major_label_text_color: ink.soft });
-        if ("axis_label" in part) part.setv({ axis_label_text_color: ink.soft, axis_line_color: ink.line, major_tick_line_color: ink.line, minor_tick_line_color: null, axis_label_text_font_style: "normal" });
-      }
-      for (const grid of figure.center) grid.setv({ grid_line_color: ink.line, grid_line_alpha: 0.6 });
-      for (const [name, properties] of [["way", { line_color: ink.soft }], ["arm", { line_color: ink.soft }], ["border", { line_color: ink.soft }], ["body", { fill_color: ink.expected, line_color: ink.ink }]]) {
+      Bokeh.index.find_one(figure).request_paint(); // axes and grids have the colours of page.css
+      for (const [name, properties] of [["arm", { line_color: ink.soft }], ["border", { line_color: ink.soft }], ["body", { fill_color: ink.expected, line_color: ink.ink }]]) {
         rendererOf(figure, name)?.glyph.setv(properties);
       }
     }
@@ -594,6 +761,7 @@ window.explorer = (() => {
   function describe() {
     const [run] = data.runs, several = data.runs.length > 1;
     $("title").textContent = several ? `${data.runs.length} runs` : run.name;
+    $("lead").textContent = `${run.about} Each point is a skill, which was found by trying. Skills that look alike to the robot are near each other in descriptor space. Point at one, or tap it, to see what it does.`.trim();
     const shown = (each) => (each.rows.length < each.total
       ? `${each.rows.length.toLocaleString("en")} of ${each.total.toLocaleString("en")} skills, drawn at random: the rest would make the page too large`
       : `${each.total.toLocaleString("en")} skills`);
@@ -666,9 +834,12 @@ window.explorer = (() => {
   }
 
   function start(givenModels, givenData) {
-    [models, data] = [givenModels, givenData];
+    [models, data] = [givenModels, unpacked(givenData)];
     const elements = document.querySelectorAll(".map");
-    maps = models.maps.map((map, k) => ({ ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown] }));
+    maps = models.maps.map((map, k) => ({
+      ...map, element: elements[k], shown: [...data.runs[map.run].spaces[map.space].shown],
+      marks: elements[k].querySelector(".marks"), view: Bokeh.index.find_one(map.figure),
+    }));
     describe();
     offerStreams();
     const { moments } = data.runs[0], aged = data.runs.length === 1 && moments.length > 0;
@@ -680,7 +851,9 @@ window.explorer = (() => {
     listen();
     if (matchMedia("(pointer: coarse)").matches) maps.forEach(({ figure }) => { figure.toolbar.active_drag = null; }); // or one could not scroll
     drawSet();
+    maps.forEach((map) => { map.view.repainted.connect(() => markOn(map)); });
     show(0, data.runs[0].first);
+    if ($("live")) live();
     for (const { figure } of maps) rendererOf(figure, "points").visible = true;
     requestAnimationFrame(() => setTimeout(() => { document.documentElement.dataset.ready = Math.round(performance.now()); })); // drawn
   }
@@ -726,5 +899,5 @@ window.explorer = (() => {
 
   preferPlainCanvas();
   theme(matchMedia("(prefers-color-scheme: dark)").matches);
-  return { start, move, tap, state, data: () => data };
+  return { start, move, tap, show, state, data: () => data };
 })();

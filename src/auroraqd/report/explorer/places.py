@@ -1,12 +1,13 @@
 """What is known of the tasks that come with auroraqd, beyond what a run keeps: genes by name, and what moves, and where."""
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from auroraqd.provenance import genes_in, importable
+from auroraqd.provenance import genes_in, importable, task_in, task_named
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.sights import Sight
 from auroraqd.report.scenes import scene_of
@@ -14,6 +15,11 @@ from auroraqd.tasks import Genes, air_hockey, ballistic
 
 _BALLISTIC, _AIR_HOCKEY = "ballistic", "air-hockey"
 _OF = {f"{ballistic.__name__}:Ballistic": _BALLISTIC, f"{air_hockey.__name__}:AirHockey": _AIR_HOCKEY}
+_ABOUT = {
+    _BALLISTIC: "The robot throws: a skill is an angle and a force, and the way of what is thrown.",
+    _AIR_HOCKEY: "The robot is an arm of four joints beside a puck: a skill is how the arm moves, and the way of the puck.",
+}
+_ROBOT = re.compile(r"Gym\(env_id='([^']*)'")
 _ENDS = (0.1, 0.9)  # of what the throw's genes are mapped to, in shares of the largest angle and force
 _SECONDS = 5.0  # that a skill takes to be shown
 
@@ -22,6 +28,23 @@ def task_of(config: Mapping[str, Any]) -> str | None:
     """The name of the task of a run, if it came with auroraqd."""
     named = str(config.get("task")).partition(":")[0]
     return named if named in _OF.values() else _OF.get(importable(config) or "")
+
+
+def robot_in(config: Mapping[str, Any]) -> str | None:
+    """The environment of Gymnasium of a run, if its task is one."""
+    found = _ROBOT.match(str((task_in(config) or {}).get("repr")))
+    return None if found is None else found[1]
+
+
+def called(config: Mapping[str, Any]) -> str | None:
+    """What the task of a run is called, as short as it is known."""
+    return task_of(config) or robot_in(config) or task_named(config)
+
+
+def about(config: Mapping[str, Any]) -> str:
+    """A sentence on the robot of a run, if it is known."""
+    robot = robot_in(config)
+    return f"The robot is {robot}: a skill is how it moves." if robot else _ABOUT.get(task_of(config) or "", "")
 
 
 def genes_of(config: Mapping[str, Any], n_genes: int) -> Genes | None:

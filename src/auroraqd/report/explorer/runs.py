@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,9 @@ from sklearn.neighbors import NearestNeighbors
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.history import History
-from auroraqd.provenance import task_named
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.moments import moments
-from auroraqd.report.explorer.places import genes_of, truth_names
+from auroraqd.report.explorer.places import about, called, genes_of, robot_in, truth_names
 from auroraqd.report.explorer.sights import by_worth
 from auroraqd.report.explorer.spaces import space
 from auroraqd.report.explorer.tables import back, single, wholes
@@ -28,6 +27,7 @@ from auroraqd.runs.snapshots import Snapshot, load_snapshots
 from auroraqd.runs.state import settings_of
 
 _NEIGHBOURS = 15
+_LEAST_SHARE = 0.2  # of the bytes of a page, for what is observed, however many films there are
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,14 @@ class Source:
         name: of the run.
         code: Python that loads the skills.
         snapshots: how they were at updates.
+        films: of some of them, by their rows; see `auroraqd.report.explorer.films`.
     """
 
     repertoire: Repertoire
     name: str
     code: str
     snapshots: Sequence[Snapshot] = ()
+    films: Mapping[int, dict[str, Any]] = field(default_factory=dict)
 
 
 def source_of(run: Any) -> Source:
@@ -102,22 +104,28 @@ class _Live:
         return self.aurora.history
 
 
-def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
+def content(source: Source, most: int, share: float = 1.0, *, live: bool = False) -> dict[str, Any]:
     """What the page holds of a run, as values that become JSON, and arrays.
 
     Args:
         source: of the run, with a skill at least.
         most: skills; of more, as many at random are shown.
         share: of the bytes of a page that are for this run.
+        live: whether there is a server, which draws films.
     """
     repertoire, config = source.repertoire, _config(source.repertoire)
     views = [View.of(repertoire, stream) for stream in by_worth(repertoire.observation)]
-    rows = _some(len(repertoire), min(most, max(int(share * BYTES / views[0].bytes_each), 1)))
+    filmed = 0.75 * sum(
+        len(film["image"]) for film in source.films.values()
+    )  # what is observed is base64 too, and counted before
+    share = max(share - filmed / BYTES, _LEAST_SHARE * share)
+    rows = _some(len(repertoire), min(most, max(int(share * BYTES / views[0].bytes_each), 1)), source.films)
     shown = [view for view, fits in zip(views, fitting(views, len(rows), share), strict=True) if fits]
     spaces = _spaces(repertoire, config, rows)
     placed, places = _place(spaces)
     return {
         "name": source.name,
+        "about": about(config),
         "code": source.code,
         "total": len(repertoire),
         "first": _middle(repertoire.descriptor[rows]),
@@ -132,6 +140,8 @@ def content(source: Source, most: int, share: float = 1.0) -> dict[str, Any]:
         "moments": moments(source.snapshots, spaces, placed),
         "streams": {view.stream: view.content(repertoire, config, rows) for view in shown},
         "left_out": [view.stream for view in views if view not in shown],
+        "films": {str(place): source.films[row] for place, row in enumerate(rows.tolist()) if row in source.films},
+        "filmed": _filmed(config, live),
         "facts": _facts(repertoire, config),
     }
 
@@ -143,9 +153,16 @@ def _config(repertoire: Repertoire) -> Mapping[str, Any]:
     return {}
 
 
-def _some(n: int, most: int) -> np.ndarray:
-    """Rows of `most` of n, at random, in their order."""
-    return np.sort(np.random.default_rng(0).permutation(n)[:most])
+def _filmed(config: Mapping[str, Any], live: bool) -> str:
+    """How films of skills are to be had that are not in the page: "asked" of the server, or "written" into another page; ""
+    where there are none.
+    """
+    return ("asked" if live else "written") if robot_in(config) else ""
+
+
+def _some(n: int, most: int, always: Collection[int] = ()) -> np.ndarray:
+    """Rows of `most` of n, at random, in their order, and these of `always`."""
+    return np.union1d(np.random.default_rng(0).permutation(n)[:most], np.array(sorted(always), np.int64))
 
 
 def _middle(descriptor: np.ndarray) -> int:
@@ -207,8 +224,7 @@ def _place(spaces: Mapping[str, Any]) -> tuple[str, np.ndarray]:
 
 def _facts(repertoire: Repertoire, config: Mapping[str, Any]) -> list[list[str]]:
     """What there is to say of the run, names and values."""
-    task = task_named(config)
-    facts = [["task", task], ["descriptor", config.get("descriptor")], ["seed", config.get("seed")]]
+    facts = [["task", called(config)], ["descriptor", config.get("descriptor")], ["seed", config.get("seed")]]
     with suppress(OSError, ValueError):
         last = repertoire.history.last
         if last is not None:

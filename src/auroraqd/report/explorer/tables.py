@@ -1,5 +1,6 @@
 """Numbers as a page holds them: arrays of few bytes, which the browser gets as they are."""
 
+import base64
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 NARROW = 32
 """Columns, at most, of which all digits of a float32 are kept. Of more, each column has 65,536 steps of its range."""
 
+_PACKED = 2**15  # bytes of an array that is packed, at least
 _LARGEST = float(np.finfo(np.float32).max)
 _STEPS = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65_535, np.dtype(np.int8): 127}
 
@@ -51,3 +53,18 @@ def wholes(values: np.ndarray) -> np.ndarray:
     """Whole numbers, (n,), as int32 if they fit, and else as float64: the browser has no longer ones."""
     small = len(values) == 0 or (values.min() >= -(2**31) and values.max() < 2**31)
     return values.astype(np.int32 if small else np.float64)
+
+
+def packed(value: Any) -> Any:
+    """The same, with large arrays as text: {"base64", "dtype", "shape"}, little-endian.
+
+    Bokeh would compress them, which makes those of a run hardly smaller, and the browser slow to begin.
+    """
+    if isinstance(value, dict):
+        return {name: packed(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [packed(each) for each in value]
+    if not isinstance(value, np.ndarray) or value.nbytes < _PACKED:
+        return value
+    ordered = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
+    return {"base64": base64.b64encode(ordered.tobytes()).decode(), "dtype": value.dtype.name, "shape": list(value.shape)}
