@@ -13,7 +13,7 @@ from scipy.spatial.distance import pdist
 from scipy.stats import spearmanr
 
 import auroraqd
-from auroraqd.descriptors import autoencoder, distances, layers, networks
+from auroraqd.descriptors import distances, layers, networks, training
 from auroraqd.descriptors.descriptor import Descriptor
 from auroraqd.descriptors.networks import MLP, Image
 from auroraqd.descriptors.scaling import Scaling
@@ -183,7 +183,7 @@ def test_images_of_little_use_are_learned_or_it_is_said(x):
         (Image(hidden=0), (16, 16, 1), "hidden must be a whole number"),
         (Image(error=-1), (16, 16, 1), "error must be a finite number"),
         (MLP((0,)), (16, 16, 1), "hidden must be"),
-        (Image, (16, 16, 1), "network must be one of auto, mlp, convolutional, image, or a value"),
+        (Image, (16, 16, 1), "network must be one of auto, mlp, convolutional, image, recurrent, or a value"),
     ],
 )
 def test_bad_networks(network, shape, message):
@@ -198,14 +198,38 @@ def test_frames_with_a_nan_are_refused():
         auroraqd.AutoEncoder().fit(x)
 
 
-def test_a_training_that_fails_is_tried_again_with_a_smaller_rate():
-    """At the first rate it diverges; a twenty-fifth of it learns."""
+def rates_tried(monkeypatch, x, **options):
+    """The learning rates of the trainings of one fit, and the encoder."""
+    tried, really = [], training.train
+
+    def train(*given):
+        tried.append(given[3].learning_rate)
+        return really(*given)
+
+    monkeypatch.setattr(training, "train", train)
+    return tried, auroraqd.AutoEncoder(random_state=0, repeats=1, min_steps=100, hidden=(4,), **options).fit(x)
+
+
+def test_a_training_that_fails_is_tried_again_with_a_smaller_rate(monkeypatch):
+    """At the first rate all units saturate, and at a fifth of it; a twenty-fifth learns."""
     x = np.random.default_rng(0).normal(size=(200, 2)) @ np.random.default_rng(1).normal(size=(2, 8))
-    options = {"optimizer": "adagrad", "clip": 0.0, "decay": "none", "hidden": (4,), "repeats": 1, "min_steps": 100}
-    seen = []
-    with autoencoder.listening(seen.append):
-        encoder = auroraqd.AutoEncoder(learning_rate=10.0, random_state=0, **options).fit(x)
+    with warnings.catch_warnings(action="error"):
+        tried, encoder = rates_tried(monkeypatch, x, learning_rate=10.0, clip=0.0, decay="none")
+    assert_allclose(tried, [10, 2, 0.4])
+    assert encoder.training_rmse_ < 0.25  # that of the first is 0.37
+
+
+def test_a_training_that_fails_three_times_is_said(monkeypatch):
+    x = np.random.default_rng(0).normal(size=(200, 8))
+    with pytest.warns(UserWarning, match="training of AutoEncoder diverged"):
+        tried, encoder = rates_tried(monkeypatch, x, learning_rate=1e30, clip=0.0, decay="none")
+    assert_allclose(tried, [1e30, 2e29, 4e28])
     assert np.isfinite(encoder.transform(x)).all()
+
+
+def test_a_training_that_learns_is_not_tried_again(monkeypatch):
+    x = np.random.default_rng(0).normal(size=(200, 2)) @ np.random.default_rng(1).normal(size=(2, 8))
+    assert len(rates_tried(monkeypatch, x)[0]) == 1
 
 
 def test_a_network_of_ones_own():
