@@ -15,7 +15,7 @@ from scipy.stats import spearmanr
 import auroraqd
 from auroraqd.descriptors import distances, layers, networks, training
 from auroraqd.descriptors.descriptor import Descriptor
-from auroraqd.descriptors.networks import MLP, Image
+from auroraqd.descriptors.networks import MLP, Image, Recurrent
 from auroraqd.descriptors.scaling import Scaling
 from auroraqd.individuals import Columns
 
@@ -48,17 +48,26 @@ def test_strided_convolutions_agree_with_their_twin(shape, stride):
     assert_allclose(layer(x.reshape(3, -1)), np.reshape(wanted, (3, -1)), rtol=1e-4, atol=1e-5)
 
 
+def test_kernels_that_do_not_overlap_see_their_block_alone():
+    layer = layers.Strided.random((5, 4, 1), 3, 2, "linear", np.random.default_rng(0), overlap=False)
+    x = np.zeros((1, 5, 4, 1), np.float32)
+    x[0, 4, 2] = 1  # in the second block below, at its second row and third column
+    wanted = np.zeros((2, 2, 2))
+    wanted[1, 0] = layer.weight[1 * 3 + 2]
+    assert_allclose(layer(x.reshape(1, -1)), wanted.reshape(1, -1))
+
+
+@pytest.mark.parametrize("overlap", [True, False])
 @pytest.mark.parametrize("shape", [(4, 4, 1), (5, 7, 2), (3, 6, 3)])
 @pytest.mark.parametrize("stride", [1, 2, 3])
-def test_the_way_back_is_the_transpose(shape, stride):
+def test_the_way_back_is_the_transpose(shape, stride, overlap):
     """<conv(x), y> = <x, transposed(y)>, once the blocks are in the other order."""
     rng = np.random.default_rng(0)
-    there = layers.Strided.random(shape, stride, 2, "linear", rng)
-    grid = (-(-shape[0] // stride), -(-shape[1] // stride), 2)
-    blocks = np.asarray(there.weight).reshape(4, -1, 2)[::-1]  # the last of the 2 x 2 blocks of one is the first of the other
-    back = layers.Unstrided(
-        blocks.transpose(0, 2, 1).reshape(8, -1), np.zeros(shape[2], np.float32), grid, shape, stride, "linear"
-    )
+    there = layers.Strided.random(shape, stride, 2, "linear", rng, overlap)
+    grid, n = (-(-shape[0] // stride), -(-shape[1] // stride), 2), 4 if overlap else 1
+    blocks = np.asarray(there.weight).reshape(n, -1, 2)[::-1]  # the last of the 2 x 2 blocks of one is the first of the other
+    weight = blocks.transpose(0, 2, 1).reshape(2 * n, -1)
+    back = layers.Unstrided(weight, np.zeros(shape[2], np.float32), grid, shape, stride, "linear", overlap)
     x, y = rng.normal(size=(1, np.prod(shape))), rng.normal(size=(1, np.prod(grid)))
     assert_allclose((there(x) * y).sum(), (x * back(y)).sum(), rtol=1e-4)
 
@@ -83,6 +92,10 @@ def test_images_of_any_size_go_through(size):
         ((15, 64, 3), np.uint8, MLP((9,))),
         ((129, 64, 3), np.uint8, MLP((9,))),
         ((4, 64, 64, 3), np.uint8, MLP((9,))),
+        ((200, 12), float, Recurrent()),
+        ((99, 12), float, MLP((9,))),
+        ((200, 4), float, MLP((9,))),
+        ((2400,), float, MLP((9,))),
     ],
 )
 def test_auto_chooses_by_shape_and_dtype(shape, dtype, wanted):
@@ -198,8 +211,9 @@ def test_frames_with_a_nan_are_refused():
         auroraqd.AutoEncoder().fit(x)
 
 
-def rates_tried(monkeypatch, x, **options):
-    """The learning rates of the trainings of one fit, and the encoder."""
+def test_a_training_that_fails_is_tried_again_with_a_smaller_rate(monkeypatch):
+    """At the first rate all units saturate, and at a fifth of it; a twenty-fifth learns."""
+    x = np.random.default_rng(0).normal(size=(200, 2)) @ np.random.default_rng(1).normal(size=(2, 8))
     tried, really = [], training.train
 
     def train(*given):
@@ -207,29 +221,11 @@ def rates_tried(monkeypatch, x, **options):
         return really(*given)
 
     monkeypatch.setattr(training, "train", train)
-    return tried, auroraqd.AutoEncoder(random_state=0, repeats=1, min_steps=100, hidden=(4,), **options).fit(x)
-
-
-def test_a_training_that_fails_is_tried_again_with_a_smaller_rate(monkeypatch):
-    """At the first rate all units saturate, and at a fifth of it; a twenty-fifth learns."""
-    x = np.random.default_rng(0).normal(size=(200, 2)) @ np.random.default_rng(1).normal(size=(2, 8))
+    options = {"hidden": (4,), "repeats": 1, "min_steps": 100, "clip": 0.0, "decay": "none", "random_state": 0}
     with warnings.catch_warnings(action="error"):
-        tried, encoder = rates_tried(monkeypatch, x, learning_rate=10.0, clip=0.0, decay="none")
+        encoder = auroraqd.AutoEncoder(learning_rate=10.0, **options).fit(x)
     assert_allclose(tried, [10, 2, 0.4])
     assert encoder.training_rmse_ < 0.25  # that of the first is 0.37
-
-
-def test_a_training_that_fails_three_times_is_said(monkeypatch):
-    x = np.random.default_rng(0).normal(size=(200, 8))
-    with pytest.warns(UserWarning, match="training of AutoEncoder diverged"):
-        tried, encoder = rates_tried(monkeypatch, x, learning_rate=1e30, clip=0.0, decay="none")
-    assert_allclose(tried, [1e30, 2e29, 4e28])
-    assert np.isfinite(encoder.transform(x)).all()
-
-
-def test_a_training_that_learns_is_not_tried_again(monkeypatch):
-    x = np.random.default_rng(0).normal(size=(200, 2)) @ np.random.default_rng(1).normal(size=(2, 8))
-    assert len(rates_tried(monkeypatch, x)[0]) == 1
 
 
 def test_a_network_of_ones_own():

@@ -54,10 +54,10 @@ def test_sequences_of_any_length_go_through(shape):
 def test_neighbours_in_latent_space_are_gaits_alike(fitted):
     encoder, genes, x = fitted
     true = pdist(genes)
-    assert spearmanr(true, pdist(encoder.transform(x)))[0] > 0.7
+    assert spearmanr(true, pdist(encoder.transform(x)))[0] > 0.6
     assert spearmanr(true, pdist(x.reshape(len(x), -1)))[0] < 0.4
     new_genes, new = gaits(100, seed=1)
-    assert spearmanr(pdist(new_genes), pdist(encoder.transform(new)))[0] > 0.7
+    assert spearmanr(pdist(new_genes), pdist(encoder.transform(new)))[0] > 0.6
 
 
 def test_sequences_are_described_alike_in_any_batch(fitted):

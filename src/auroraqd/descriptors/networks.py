@@ -25,6 +25,7 @@ Array = Any  # of JAX
 MOST_WIDTH = 10**6  # of a layer
 _SMALLEST, _LARGEST, _MOST_CHANNELS = 16, 128, 16  # of images: pixels a side, and channels, a few frames among them
 _MOST_ENTRIES = 1000  # of a time series: its convolutions are products with square matrices of this size
+_LONG = 100  # steps of a time series for which a recurrent network is better
 _GRID = 16  # cells a side, at most, after the first layer for images
 _LEAST_VARIANCE = 1e-5  # of an entry: images may all be the same
 _COARSE = 4  # cells a side, at most, before the dense layers
@@ -282,11 +283,13 @@ NAMES = ("auto", *NAMED)
 def chosen(shape: tuple[int, ...], dtype: np.dtype, hidden: Sequence[int]) -> Network:
     """The network for observations of this shape, without the rows, and dtype: what `network="auto"` stands for.
 
-    (h, w, channels) is an image if its sides are 16 to 128, and so is (h, w) of whole numbers of eight bits; all else is for
-    dense layers.
+    (h, w, channels) is an image if its sides are 16 to 128, and so is (h, w) of whole numbers of eight bits. (steps, channels)
+    is a long time series from 100 steps and 1,000 entries on. All else is for dense layers.
     """
     if is_image(shape) and (len(shape) == 3 or dtype == np.uint8):
         return Image()
+    if len(shape) == 2 and shape[0] >= _LONG and math.prod(shape) >= _MOST_ENTRIES:
+        return Recurrent()
     return MLP(tuple(hidden))
 
 

@@ -440,14 +440,15 @@ def _steps_in_parts(
     validated, epochs, rmse, diverged, told = _held_back(n, protocol) > 0, [], float("nan"), False, 0.0
     for repeat in range(protocol.repeats):
         check, training = _split(n, protocol, rng)
-        steps = -(-len(training) // size)
+        most = len(training) if kind.steps is None else kind.steps * size  # rows of an epoch
+        steps = -(-min(len(training), most) // size)
         max_epochs = max(protocol.max_epochs, -(-protocol.min_steps // steps))
         if kind.steps is not None:
-            max_epochs = max(1, min(max_epochs, kind.steps // steps))
+            max_epochs = min(max_epochs, kind.steps // steps)
         best, best_error, errors = weights, np.inf, []
         while len(errors) < max_epochs and not diverged and not _has_risen(errors, protocol.patience):
             done, gain = (repeat + len(errors) / max_epochs) / protocol.repeats, 1 / (protocol.repeats * max_epochs * steps)
-            for first, part in _parts(data, rng.permutation(training), size):
+            for first, part in _parts(data, rng.permutation(training)[:most], size):
                 key = jax.random.key(int(rng.integers(2**31))) if protocol.beta else None
                 since = np.float32(done + gain * (first // size))
                 weights, slots = compiled.train(weights, slots, part, since, np.float32(gain), key)
