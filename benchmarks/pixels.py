@@ -12,6 +12,7 @@ places that are reached, effective cells exp of the entropy of how the repertoir
 import argparse
 import resource
 import time
+import warnings
 
 import numpy as np
 from sklearn.decomposition import PCA
@@ -114,7 +115,8 @@ def update(rows=10_000, size=64):
     """One fit, and encoding a batch of 200: seconds, and what memory they take beyond the images."""
     rng = np.random.default_rng(0)
     x = np.concatenate([images(rng.random((500, 2)), size, 5.0, (1.0, 0.5, 0.2)) for _ in range(rows // 500)])
-    auroraqd.AutoEncoder(2, network=Image(steps=1), repeats=1, random_state=0).fit(x[:100])
+    with warnings.catch_warnings(action="ignore"):  # one step learns nothing
+        auroraqd.AutoEncoder(2, network=Image(steps=1), repeats=1, random_state=0).fit(x[:100])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     since = time.perf_counter()
     used = time.process_time()
