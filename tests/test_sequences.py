@@ -114,7 +114,7 @@ def uneven(genotypes):
 
 def test_sequences_of_different_lengths_are_refused_in_a_sentence():
     genotypes = np.random.default_rng(0).random((20, 2))
-    with pytest.raises(ValueError, match=r"x must be numbers of shape \(n, ...\) with rows of one shape, got \[array"):
+    with pytest.raises(ValueError, match=r"x must be numbers of shape \(n, ...\), got \[array.*: its rows differ in shape"):
         auroraqd.AutoEncoder().fit(uneven(genotypes))
     aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(), seed=0, batch_size=20)
     with pytest.raises(auroraqd.TaskError, match="observation must be numbers with rows of one shape"):
