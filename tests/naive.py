@@ -499,6 +499,32 @@ def crowding(points):
     return apart
 
 
+def gated(given, state, inputs, states, bias, bias_n):
+    """States of gated recurrent units, one for each of the vectors that they are given, in turn.
+
+    Weights, (3 units, features) and (3 units, units), are those of the reset, of the update and of what is new.
+    """
+    n, found = len(state), []
+
+    def product(weights, vector, row):
+        return sum(w * v for w, v in zip(weights[row], vector, strict=True))
+
+    def logistic(value):
+        return 1 / (1 + math.exp(-value))
+
+    for vector in given:
+        following = []
+        for i in range(n):
+            a, b, c = i, n + i, 2 * n + i
+            reset = logistic(product(inputs, vector, a) + bias[a] + product(states, state, a))
+            update = logistic(product(inputs, vector, b) + bias[b] + product(states, state, b))
+            new = math.tanh(product(inputs, vector, c) + bias[c] + reset * (product(states, state, c) + bias_n[i]))
+            following.append(new + update * (state[i] - new))
+        state = following
+        found.append(state)
+    return found
+
+
 def strided(image, weight, stride):
     """A strided convolution of an image, (h, w, channels), with a kernel of 2 x 2 blocks of the stride: lists in and out."""
     height, width, channels = len(image), len(image[0]), len(image[0][0])

@@ -214,8 +214,9 @@ def test_rising_is_about_windows():
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_divergence_keeps_the_last_good_weights(first):
-    x = throws(300)
+def test_divergence_keeps_the_last_good_weights(first, monkeypatch):
+    x, rates, really = throws(300), [], training.train
+    monkeypatch.setattr(training, "train", lambda *given: rates.append(given[3].learning_rate) or really(*given))
     encoder = auroraqd.AutoEncoder(random_state=0, **SHORT)
     if not first:
         encoder.fit(x)
@@ -223,6 +224,7 @@ def test_divergence_keeps_the_last_good_weights(first):
     encoder.set_params(learning_rate=1e30, clip=0.0, decay="none")
     with pytest.warns(UserWarning, match="training of AutoEncoder diverged in repeat 1, epoch 1: the last good weights stay"):
         encoder.fit(x)
+    assert_allclose(rates[-3:], [1e30, 2e29, 4e28])  # it was tried again twice before
     assert np.isfinite(encoder.transform(x)).all()
     if not first:
         assert_array_equal(encoder.transform(x), before)

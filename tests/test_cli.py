@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 from matplotlib import image
 from numpy.testing import assert_array_equal
+from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd.cli import UserError, discover
+from auroraqd.cli.show import report
 from auroraqd.experiments import settings
 from auroraqd.runs import folders
 
@@ -87,6 +89,24 @@ def test_show_prints_and_redraws(run_folder):
     done = command("show", run_folder)
     assert f"{len(auroraqd.load(run_folder)):,} individuals" in done.stdout
     assert picture.read_bytes() == before
+
+
+@pytest.mark.parametrize("parts", [False, True])
+def test_show_says_which_network_was_chosen(parts, tmp_path, capsys):
+    def robot(genotypes):
+        return {"one": genotypes, "other": genotypes} if parts else (np.zeros(len(genotypes)), genotypes)
+
+    encoder = auroraqd.AutoEncoder(2, hidden=(4,), repeats=1, min_steps=100)
+    descriptor = auroraqd.Streams(one=encoder, other=PCA(2)) if parts else encoder
+    auroraqd.save(auroraqd.Aurora(3, descriptor, seed=0).run(robot, generations=1), tmp_path)
+    report(tmp_path, figures=False)
+    said = capsys.readouterr().out
+    assert f"network      {'one ' if parts else ''}MLP(hidden=(4,))" in said
+
+
+def test_show_says_of_no_network_where_there_is_none(run_folder, capsys):
+    report(run_folder, figures=False)
+    assert "network" not in capsys.readouterr().out
 
 
 def test_what_was_found_is_shown_where_figures_cannot_be(run_folder, tmp_path):

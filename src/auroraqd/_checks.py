@@ -163,8 +163,10 @@ def numeric(
     except (TypeError, ValueError, OverflowError) as error:
         got = getattr(values, "dtype", None)
         came = shown(values) if got is None or getattr(got, "kind", "O") == "O" else f"an array of {got}"
-        uneven = shape or (" with rows of one shape" if "inhomogeneous" in str(error) else "")
-        raise ValueError(f"{name} must be numbers{uneven}, got {came}") from None
+        uneven = "inhomogeneous" in str(error)
+        wanted = shape or (" with rows of one shape" if uneven else "")
+        why = ": its rows differ in shape" if shape and uneven else ""
+        raise ValueError(f"{name} must be numbers{wanted}, got {came}{why}") from None
     if array.size > _MOST_ENTRIES:
         raise ValueError(f"{name} must have at most {_MOST_ENTRIES:,} entries, got shape {array.shape}")
     if array.dtype.itemsize > 8:

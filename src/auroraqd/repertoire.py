@@ -24,7 +24,7 @@ from auroraqd._checks import (
     whole_numbers,
 )
 from auroraqd._notebooks import card, facts_of, figure_of
-from auroraqd.descriptors.descriptor import Descriptor
+from auroraqd.descriptors.descriptor import Descriptor, Transformer
 from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
 from auroraqd.individuals import KNOWN, Columns, Individuals, stored
@@ -89,6 +89,10 @@ class Origin(Protocol):
 
     def descriptor(self) -> Descriptor:
         """The one that the individuals were found with."""
+        ...
+
+    def transformer(self) -> Transformer | None:
+        """What the descriptor learned; None where it is read off."""
         ...
 
     def seed(self) -> int:

@@ -137,7 +137,7 @@ def report(folder: Path, figures: bool) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in [*_what_ran(folders.load_config(folder)), *_results(repertoire, records)]:
+    for name, value in [*_what_ran(folders.load_config(folder)), *_networks(repertoire), *_results(repertoire, records)]:
         table.add_row(name, value)
     for index, path in enumerate(files):
         table.add_row("" if index else "files", str(path))
@@ -155,6 +155,17 @@ def _what_ran(config: Mapping[str, Any]) -> list[tuple[str, str]]:
     makers = [str(each.get("type")) for each in emitters if each.get("type") != "Genetic"]
     words = [task_named(config), config.get("descriptor"), kind, *makers, f"seed {config.get('seed')}"]
     return [("run", ", ".join(str(word) for word in words if word is not None))]
+
+
+def _networks(repertoire: Any) -> list[tuple[str, str]]:
+    """Of what auto-encoders are made, which they may have chosen by what they saw."""
+    try:
+        transformer = repertoire._origin.transformer()
+    except ValueError:  # it was not saved, or is of a type that nobody said to trust
+        return []
+    parts = getattr(transformer, "fitted_", {"": transformer})
+    found = [f"{name} {part.network_}".strip() for name, part in parts.items() if hasattr(part, "network_")]
+    return [("" if index else "network", network) for index, network in enumerate(found)]
 
 
 def _first_of_pairs(pairs: Any) -> list[Any]:

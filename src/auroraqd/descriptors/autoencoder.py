@@ -7,6 +7,17 @@ of scikit-learn, so it works outside Aurora as well.
 **Distances.** A plain auto-encoder is free to bend its latent space: equal steps there may be large changes of behaviour in
 one place and small ones in another, and an archive, which spaces individuals evenly in the latent space, then covers
 behaviours unevenly. `isometry` weighs a term that keeps distances: see `auroraqd.descriptors.training.distortion`.
+
+**Variational.** With `beta` above 0 the encoder gives a normal distribution for each observation, of which a sample is decoded,
+and beta times its divergence from the unit normal is added to what is minimised [1, 2]. Its mean is the descriptor. The latent
+space then has the scale of a unit normal and no holes: what is drawn from it decodes to something like the observations. Two
+things keep the latent space from telling nothing ("posterior collapse"): beta rises from 0 over the first three tenths of a
+training [3], and a dimension's first half nat costs nothing [4].
+
+[1] D. P. Kingma, M. Welling, Auto-encoding variational Bayes, ICLR 2014.
+[2] I. Higgins et al., beta-VAE: learning basic visual concepts with a constrained variational framework, ICLR 2017.
+[3] S. R. Bowman et al., Generating sentences from a continuous space, CoNLL 2016.
+[4] D. P. Kingma et al., Improved variational inference with inverse autoregressive flow, NIPS 2016.
 """
 
 from __future__ import annotations
@@ -40,7 +51,7 @@ _OBSERVATIONS = " of shape (n, ...)"
 _KEPT = 0.5  # squared correlation of latent distances with those that are wanted, likewise
 _NOTHING = 1e-12  # variance of an entry on the [-1, 1] scale that is none
 _EXPLAINED = 0.05  # share of the variance of the observations below which nothing has been learned
-_METRICS = ("auto", "euclidean", "geodesic")
+_METRICS = ("auto", "euclidean", "measured", "geodesic")
 _RETRIES = 2  # of a training that failed, each with
 _SLOWER = 0.2  # times the learning rate of the one before
 _ROWS = 256  # at a time, to be reconstructed
@@ -77,15 +88,18 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
     Args:
         n_components: size of the latent space.
         network: "auto" chooses by shape and dtype, see `auroraqd.descriptors.networks.chosen`, and `network_` says what;
-            "image", strided convolutions for images; "mlp", dense layers for observations of any shape; "convolutional", the
-            network of the paper for short time series, (n, steps, channels). Or a value of `auroraqd.descriptors.networks`, or
-            of a class of your own that derives from `Network` there.
+            "image", strided convolutions for images; "recurrent", for long time series, (n, steps, channels); "mlp", dense
+            layers for observations of any shape; "convolutional", the network of the paper for short time series. Or a value of
+            `auroraqd.descriptors.networks`, or of a class of your own that derives from `Network` there.
         hidden: widths of the dense layers of "mlp", from input to latent space; mirrored in the decoder.
         isometry: weight of the term that keeps distances, against the squared error summed over the entries of an
             observation. 0: a plain auto-encoder.
-        metric: of the distances that are kept. "euclidean": between scaled observations. "geodesic": lengths of shortest paths
-            along the graph of nearest neighbours, which say how far apart observations are that have nothing in common; see
-            `auroraqd.descriptors.distances`. "auto": geodesic for images.
+        metric: of the distances that are kept. "euclidean": between scaled observations. "measured": of what changes smoothly
+            with the behaviour, blurred images or rhythms of sequences. "geodesic": lengths of shortest paths along the graph of
+            nearest neighbours by that measure, which say how far apart observations are that have nothing in common; see
+            `auroraqd.descriptors.distances`. "auto": geodesic for images, measured for "recurrent", otherwise euclidean.
+        beta: weight of the divergence from a unit normal, in nats, against the same: a variational auto-encoder, see the
+            module's documentation. 0: a plain one.
         optimizer: "adam" or "adagrad".
         learning_rate: of the optimiser, at its highest.
         decay: "cosine" lets the learning rate rise from 0 and fall back to it over all repeats together; "none" keeps it.
@@ -126,10 +140,11 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self,
         n_components: int = 2,
         *,
-        network: Literal["auto", "mlp", "convolutional", "image"] | Network = "auto",
+        network: Literal["auto", "mlp", "convolutional", "image", "recurrent"] | Network = "auto",
         hidden: Sequence[int] = (128, 64, 32),
         isometry: float = 20.0,
-        metric: Literal["auto", "euclidean", "geodesic"] = "auto",
+        metric: Literal["auto", "euclidean", "measured", "geodesic"] = "auto",
+        beta: float = 0.0,
         optimizer: Literal["adam", "adagrad"] = "adam",
         learning_rate: float = 1e-2,
         decay: Literal["cosine", "none"] = "cosine",
@@ -151,6 +166,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self.hidden = hidden
         self.isometry = isometry
         self.metric = metric
+        self.beta = beta
         self.optimizer = optimizer
         self.learning_rate = learning_rate
         self.decay = decay
@@ -227,17 +243,18 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             )
         kind = self._network(shape, x.dtype)
         kind.check_shape(shape)
-        goes_on = self.warm_start and self._architecture() == (kind, shape, int(self.n_components))
+        architecture = _Architecture(kind, shape, int(self.n_components), self.beta > 0)
+        goes_on = self.warm_start and self._architecture() == architecture
         fits = self.n_fits_ if goes_on else 0
         rng = np.random.default_rng(None if self.random_state is None else [self.random_state, fits])
-        start = _filled(kind, shape, self.n_components, self.weights_ if goes_on else None, rng)
+        start = _filled(architecture, self.weights_ if goes_on else None, rng)
         scaling = kind.scaling(x)
-        best, last = self._trained(x, kind, scaling, start, goes_on, rng)
+        best, last = self._trained(x, architecture, scaling, start, goes_on, rng)
         import jax
 
         self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(best.network)]
         self.network_ = kind
-        self.architecture_ = {"shape": list(shape), "n_components": int(self.n_components)}
+        self.architecture_ = architecture.as_json()
         self.low_, self.high_, _ = scaling
         self.epochs_ = last.epochs
         self.validation_rmse_ = last.rmse if last.validated else math.nan
@@ -308,8 +325,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
     def __setstate__(self, state: dict[str, Any]) -> None:
         """What earlier versions wrote had a network by its kind, and no metric."""
         super().__setstate__(state)
-        if "metric" not in state:
-            self.metric = "euclidean"
+        for name, value in {"metric": "euclidean", "beta": 0.0}.items():
+            if name not in state:
+                setattr(self, name, value)
         architecture = state.get("architecture_", {})
         if "kind" in architecture:
             self.network_ = MLP(tuple(architecture["hidden"])) if architecture["kind"] == "mlp" else Convolutional()
@@ -346,6 +364,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             validation=number("validation", self.validation, most=np.nextafter(1, 0), wanted="0 or more and below 1"),
             split_above=whole("split_above", self.split_above, least=0),
             isometry=number("isometry", self.isometry),
+            beta=number("beta", self.beta),
         )
 
     def _network(self, shape: tuple[int, ...], dtype: np.dtype) -> Network:
@@ -364,26 +383,34 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             return networks.chosen(shape, dtype, hidden)
         return MLP(tuple(hidden)) if self.network == "mlp" else networks.NAMED[self.network]()
 
-    def _architecture(self) -> tuple[Network, tuple[int, ...], int] | None:
+    def _architecture(self) -> _Architecture | None:
         """What was fitted, whatever has become of the parameters; None before."""
         if not hasattr(self, "weights_"):
             return None
-        return self.network_, self.observation_shape_, self.architecture_["n_components"]
+        known = self.architecture_
+        return _Architecture(self.network_, tuple(known["shape"]), known["n_components"], known.get("variational", False))
 
     def _trained(
-        self, x: np.ndarray, kind: Network, scaling: Scaling, start: Any, goes_on: bool, rng: np.random.Generator
+        self,
+        x: np.ndarray,
+        architecture: _Architecture,
+        scaling: Scaling,
+        start: Any,
+        goes_on: bool,
+        rng: np.random.Generator,
     ) -> tuple[_Tried, Trained]:
         """The best network that there is, and the last training: the first, unless it failed.
 
         Args:
             x: observations, (n, ...).
-            kind, scaling: as it is, and how they are scaled.
+            architecture, scaling: as it is, and how they are scaled.
             start: its weights.
             goes_on: whether these are of an earlier fit, to be kept if all fails.
             rng: for all that is random.
         """
         from auroraqd.descriptors.training import Trained, train
 
+        kind = architecture.network
         data = self._data(x, kind, scaling, rng)
         protocol = self._protocol()._replace(learning_rate=kind.rate * self.learning_rate)
 
@@ -400,14 +427,18 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
                 self._warn(tried[-1], trained, len(x))
                 return max(tried, key=lambda one: one.explained), trained
             protocol = protocol._replace(learning_rate=_SLOWER * protocol.learning_rate)
-            start = start if goes_on else _filled(kind, x.shape[1:], self.n_components, None, rng)
+            start = start if goes_on else _filled(architecture, None, rng)
 
     def _data(self, x: np.ndarray, kind: Network, scaling: Scaling, rng: np.random.Generator) -> Data:
         """What to train on."""
         from auroraqd.descriptors.training import Data
 
-        geodesic = self.metric == "geodesic" or (self.metric == "auto" and kind.geodesic)
-        targets = distances.along_the_graph(kind.measured(x, scaling), rng) if geodesic and self.isometry else None
+        metric = self.metric
+        if metric == "auto":
+            metric = "geodesic" if kind.geodesic else "measured" if kind.measures else "euclidean"
+        targets = None if metric == "euclidean" or not self.isometry else kind.measured(x, scaling)
+        if metric == "geodesic" and targets is not None:
+            targets = distances.along_the_graph(targets, rng)
         scaler = scaling.scaler(x[0].size)
         variance = _variance(x, scaler)
         if kind.raw:
@@ -424,10 +455,12 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         if not hasattr(self, "weights_"):
             raise NotFittedError("this AutoEncoder has not been fitted yet: call fit first")
         if getattr(self, "_use", None) is None:
-            kind, shape, n_components = self._architecture()  # pyright: ignore[reportGeneralTypeIssues]
-            weights = self.weights_ if kind.raw else [weight.astype(np.float64) for weight in self.weights_]
-            network = _filled(kind, shape, n_components, weights, np.random.default_rng(0))
-            self._use = _put_to_use(kind, network, self._scaler())
+            architecture = self._architecture()
+            assert architecture is not None
+            raw = architecture.network.raw
+            weights = self.weights_ if raw else [weight.astype(np.float64) for weight in self.weights_]
+            network = _filled(architecture, weights, np.random.default_rng(0))
+            self._use = _put_to_use(architecture.network, network, self._scaler())
         assert self._use is not None
         return self._use
 
@@ -451,6 +484,20 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         return _Printer() if self.verbose else _listener.get()
 
 
+class _Architecture(NamedTuple):
+    """What weights are of."""
+
+    network: Network
+    shape: tuple[int, ...]  # of an observation
+    n_components: int
+    variational: bool
+
+    def as_json(self) -> dict[str, Any]:
+        """What `network_` does not say."""
+        known = {"shape": list(self.shape), "n_components": self.n_components}
+        return {**known, "variational": True} if self.variational else known
+
+
 class _Tried(NamedTuple):
     """A training, and what came of it."""
 
@@ -468,13 +515,12 @@ class _Tried(NamedTuple):
         return self.diverged or not learned or self.spread < _SPREAD
 
 
-def _filled(
-    kind: Network, shape: tuple[int, ...], n_components: int, weights: Sequence[np.ndarray] | None, rng: np.random.Generator
-) -> Any:
+def _filled(of: _Architecture, weights: Sequence[np.ndarray] | None, rng: np.random.Generator) -> Any:
     """A network of this kind with these weights, in the order of `jax.tree.leaves`; None: random ones."""
     import jax
 
-    made = kind.build(shape, int(n_components), rng if weights is None else np.random.default_rng(0))
+    made = of.network.build(of.shape, of.n_components, rng if weights is None else np.random.default_rng(0))
+    made = made.variational() if of.variational else made
     return made if weights is None else jax.tree.unflatten(jax.tree.structure(made), weights)
 
 

@@ -1,10 +1,12 @@
 """Distances between observations that say how different behaviours are, also where entries do not.
 
-Two images of a small disc differ by the same number of pixels wherever the discs are, as soon as they do not overlap. Two
-things help.
+Two images of a small disc differ by the same number of pixels wherever the discs are, as soon as they do not overlap; two
+gaits of different frequency are out of step soon, whatever the difference. Three things help.
 
 - **Several scales.** Blurred until they overlap, the discs differ the more the farther they are apart. Weighed so that each
   scale counts the same, distances of an image blurred at several scales come close to how far things have moved [1].
+- **Rhythms.** How strongly a joint swings at which frequency changes smoothly with the gait, if frequencies are read as broadly
+  as octaves [4, 5]; when it swings does not.
 - **Shortest paths.** Distances between close observations are right, and far ones are sums of these, along a graph of the
   nearest neighbours [2]. Coordinates in which straight distances are these paths are found from some of the rows, the
   landmarks [3].
@@ -30,6 +32,11 @@ _NEIGHBOURS = 8
 _MOST_NEIGHBOURS = 32  # of a graph in one piece; pieces that are left are joined
 _LANDMARKS = 500
 _AXES = 24  # of the coordinates, at most
+_SLOW = 4  # points at which blurred sequences are read
+_OCTAVE = 0.5  # between the frequencies at which spectra are read, and the width there
+_MOST_CHANNELS = 64  # whose pairs are looked at
+_TOGETHER = 0.7  # weight of pairs
+_STILL = 1e-6  # deviation of a channel that does not move, on the [-1, 1] scale
 _NOTHING = 1e-6  # eigenvalue, as a share of the largest, that is none
 
 
@@ -55,6 +62,50 @@ def multiscale(images: np.ndarray, scaling: Scaling) -> np.ndarray:
         blurred = [np.einsum("ph,nhwc,qw->npqc", a, part, b, optimize=True) for a, b in blurs(h, w)]
         features.append(np.concatenate([level.reshape(len(part), -1) for level in blurred], axis=1))
     return np.concatenate(features)
+
+
+def rhythms(sequences: np.ndarray, scaling: Scaling) -> np.ndarray:
+    """What changes smoothly with a gait, (n, m) float32, of sequences, (n, steps, channels), scaled.
+
+    Three things beside each other, all in the unit of the root of an energy: of each channel the magnitudes of its spectrum,
+    compressed by a root so that small swings tell their frequency too; where it is on average, at four times; and of each two
+    channels how much they swing together.
+    """
+    n, steps, channels = sequences.shape
+    scaler, window = scaling.scaler(steps * channels), np.hanning(steps + 2)[1:-1, None]
+    window = window * np.sqrt(2 / (window**2).sum())  # the other half of an energy lies at negative frequencies
+    bands, slow = _octaves(steps), _blur(steps, _SLOW)
+    parts = []
+    for start in range(0, n, _PART):
+        x = scaler(sequences[start : start + _PART]).reshape(-1, steps, channels)
+        swing = x - x.mean(axis=1, keepdims=True)
+        magnitude = np.abs(np.fft.rfft(window * swing, axis=1))
+        spectrum = np.einsum("bf,nfc->nbc", bands, magnitude, optimize=True)
+        mean = np.einsum("pt,ntc->npc", slow, x, optimize=True)
+        parts.append([part.reshape(len(x), -1).astype(np.float32) for part in (spectrum, mean, _common(swing))])
+    spectrum, mean, common = (np.concatenate(part) for part in zip(*parts, strict=True))
+    energy = np.sqrt((spectrum**2).mean() / max(spectrum.mean(), np.finfo(np.float32).tiny))  # is to stay what it was
+    return np.concatenate([energy * np.sqrt(spectrum), mean, _TOGETHER * common], axis=1)
+
+
+def _octaves(steps: int) -> np.ndarray:
+    """(bands, frequencies): weights of those of a sequence of so many steps, the squares of each summing to 1."""
+    frequency = np.log2(np.maximum(np.arange(steps // 2 + 1), 0.5))
+    band = np.arange(0, np.log2(max(steps, 2)), _OCTAVE)
+    weight = np.exp(-0.5 * ((frequency - band[:, None]) / _OCTAVE) ** 2)
+    return weight / np.sqrt((weight**2).sum(axis=0))
+
+
+def _common(swing: np.ndarray) -> np.ndarray:
+    """(n, pairs): covariances of channels, (n, steps, channels), over the root of the product of their deviations."""
+    steps, channels = swing.shape[1:]
+    if not 1 < channels <= _MOST_CHANNELS:
+        return np.zeros((len(swing), 0))
+    covariance = swing.swapaxes(1, 2) @ swing / steps
+    size = np.sqrt(swing.std(axis=1))
+    one, other = np.triu_indices(channels)
+    weight = np.where(one == other, 1, np.sqrt(2)) * np.sqrt(steps / channels)
+    return weight * covariance[:, one, other] / np.maximum(size[:, one] * size[:, other], _STILL)
 
 
 def blurs(height: int, width: int) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -17,7 +17,7 @@ import numpy as np
 from auroraqd.descriptors.layers import AutoEncoderNetwork
 from auroraqd.descriptors.scaling import Scaler
 
-_BLOCK = 64  # rows
+_BLOCK = 50  # rows: batches of 100 and 200 are of whole blocks
 
 
 class InUse(Protocol):

@@ -19,6 +19,11 @@ from auroraqd.descriptors.distances import blurs
 Array = Any  # of NumPy or of JAX
 
 KERNEL = (6, 2)  # steps, channels
+_MOST_OVERLAP = 2  # stride of kernels that overlap: those of larger ones would take most of the time
+
+
+_MOST_LOGARITHM = 10.0  # of a variance in latent space, and of its inverse, as shares of
+_FIRST_LOGARITHM = -4.0  # that of weights that are not trained: little noise, as long as the means are to be found
 
 
 class AutoEncoderNetwork(eqx.Module):
@@ -27,10 +32,24 @@ class AutoEncoderNetwork(eqx.Module):
     Attributes:
         encoder: layers from (n, features) to (n, n_components).
         decoder: layers from there back to (n, features).
+        variance: of a variational one, what reads the same as the last layer of the encoder: see `posterior`.
     """
 
     encoder: tuple[eqx.Module, ...]
     decoder: tuple[eqx.Module, ...]
+    variance: Any = None
+
+    def variational(self) -> "AutoEncoderNetwork":
+        """The same with variances of latent positions, which are the same for all rows as yet."""
+        nothing = jax.tree.map(np.zeros_like, self.encoder[-1])
+        return AutoEncoderNetwork(self.encoder, self.decoder, nothing)
+
+    def posterior(self, x: Array) -> tuple[Array, Array]:
+        """Of a variational one: latent means, and logarithms of the variances about them, (n, n_components) each."""
+        *first, last = self.encoder
+        read = _through(tuple(first), x)
+        logarithm = _MOST_LOGARITHM * jnp.tanh(self.variance(read) / _MOST_LOGARITHM)
+        return last(read), _FIRST_LOGARITHM + logarithm  # pyright: ignore[reportCallIssue]
 
     def encode(self, x: Array) -> Array:
         """(n, features) to (n, n_components)."""
@@ -84,9 +103,10 @@ def image_network(
         shapes.append((height, width, count))
     inside, convolutions, back = math.prod(shapes[-1]), [], []
     for i, stride in enumerate(strides):
-        convolutions.append(Strided.random(shapes[i], stride, shapes[i + 1][2], "silu", rng))
+        overlap = stride <= _MOST_OVERLAP
+        convolutions.append(Strided.random(shapes[i], stride, shapes[i + 1][2], "silu", rng, overlap))
         activation = "silu" if i else "linear"
-        back.insert(0, Unstrided.random(shapes[i + 1], stride, shapes[i], activation, rng))
+        back.insert(0, Unstrided.random(shapes[i + 1], stride, shapes[i], activation, rng, overlap))
     encoder = (
         Beside((Scales(shape),), tuple(convolutions)),
         Dense.random(sum(a.shape[0] * b.shape[0] for a, b in blurs(*shape[:2])) * shape[2] + inside, hidden, "silu", rng),
@@ -97,6 +117,28 @@ def image_network(
         Dense.random(hidden, hidden, "silu", rng),
         Dense.random(hidden, inside, "silu", rng),
         *back,
+        Offset(np.zeros(math.prod(shape), np.float32)),
+    )
+    return AutoEncoderNetwork(encoder, decoder)
+
+
+def recurrent_network(
+    shape: tuple[int, int], n_components: int, units: int, most: int, rng: np.random.Generator
+) -> AutoEncoderNetwork:
+    """Gated recurrent units that read a sequence, and such that tell it, for rows of shape (steps, channels).
+
+    Args:
+        shape: of a sequence.
+        n_components: size of the latent space.
+        units: of each of the two layers.
+        most: updates of their states, at most: as many steps as needed are read together.
+        rng: for the weights.
+    """
+    together = -(-shape[0] // most)
+    encoder = (Reader.random(shape, together, units, rng), Dense.random(2 * units, n_components, "linear", rng))
+    decoder = (
+        Dense.random(n_components, units, "tanh", rng),
+        Teller.random(shape, together, units, rng),
         Offset(np.zeros(math.prod(shape), np.float32)),
     )
     return AutoEncoderNetwork(encoder, decoder)
@@ -151,48 +193,56 @@ class Convolution(eqx.Module):
 
 
 class Strided(eqx.Module):
-    """A convolution over images, (h, w, channels), whose kernel is twice as wide as its stride, zeros around them.
+    """A convolution over images, (h, w, channels), zeros around them; its kernel is as wide as its stride, or twice as wide.
 
-    Images are cut into blocks of the stride, and a product with a matrix is taken over each 2 x 2 of them: in a loop on a CPU
-    that takes a twentieth of the time of XLA's own convolution.
+    Images are cut into blocks of the stride, and a product with a matrix is taken over each of them, or over each 2 x 2: in a
+    loop on a CPU that takes a twentieth of the time of XLA's own convolution.
     """
 
-    weight: Array  # (4 blocks of stride * stride * channels, maps out)
+    weight: Array  # (1 or 4 blocks of stride * stride * channels, maps out)
     bias: Array  # (maps out,)
     shape: tuple[int, int, int] = eqx.field(static=True)
     stride: int = eqx.field(static=True)
     activation: str = eqx.field(static=True)
+    overlap: bool = eqx.field(static=True, default=True)  # of kernels
 
     @classmethod
     def random(
-        cls, shape: tuple[int, int, int], stride: int, maps: int, activation: str, rng: np.random.Generator
+        cls,
+        shape: tuple[int, int, int],
+        stride: int,
+        maps: int,
+        activation: str,
+        rng: np.random.Generator,
+        overlap: bool = True,
     ) -> "Strided":
         """Weights uniform, with the variance 1 / inputs [LeCun et al., 1998]."""
-        inputs = 4 * stride**2 * shape[2]
-        return cls(_lecun(inputs, maps, rng), np.zeros(maps, np.float32), shape, stride, activation)
+        inputs = (4 if overlap else 1) * stride**2 * shape[2]
+        return cls(_lecun(inputs, maps, rng), np.zeros(maps, np.float32), shape, stride, activation, overlap)
 
     def __call__(self, x: Array) -> Array:
         """(n, h * w * channels) to (n, ceil(h / stride) * ceil(w / stride) * maps)."""
         (height, width, channels), s = self.shape, self.stride
-        rows, columns = -(-height // s), -(-width // s)  # of the grid
-        before = s // 2
-        ends = ((rows + 1) * s - height - before, (columns + 1) * s - width - before)
+        rows, columns, before = _blocks(self.shape, s, self.overlap)
+        ends = (rows * s - height - before, columns * s - width - before)
         images = x.reshape(-1, height, width, channels)
         images = jnp.pad(images, ((0, 0), (before, ends[0]), (before, ends[1]), (0, 0)))
-        blocks = images.reshape(-1, rows + 1, s, columns + 1, s, channels).transpose(0, 1, 3, 2, 4, 5)
-        blocks = blocks.reshape(-1, rows + 1, columns + 1, s * s * channels)
-        return _activated(self.activation, _squares(blocks) @ self.weight + self.bias).reshape(len(x), -1)
+        blocks = images.reshape(-1, rows, s, columns, s, channels).transpose(0, 1, 3, 2, 4, 5)
+        blocks = blocks.reshape(-1, rows, columns, s * s * channels)
+        blocks = _squares(blocks) if self.overlap else blocks
+        return _activated(self.activation, blocks @ self.weight + self.bias).reshape(len(x), -1)
 
 
 class Unstrided(eqx.Module):
     """The transpose of `Strided`: from its grid to images. Blocks that overlap add up."""
 
-    weight: Array  # (4 cells of maps in, stride * stride * channels)
+    weight: Array  # (1 or 4 cells of maps in, stride * stride * channels)
     bias: Array  # (channels,)
     grid: tuple[int, int, int] = eqx.field(static=True)  # rows, columns, maps in
     shape: tuple[int, int, int] = eqx.field(static=True)  # h, w, channels
     stride: int = eqx.field(static=True)
     activation: str = eqx.field(static=True)
+    overlap: bool = eqx.field(static=True, default=True)
 
     @classmethod
     def random(
@@ -202,20 +252,90 @@ class Unstrided(eqx.Module):
         shape: tuple[int, int, int],
         activation: str,
         rng: np.random.Generator,
+        overlap: bool = True,
     ) -> "Unstrided":
         """As `Strided.random`."""
-        weight = _lecun(4 * grid[2], stride**2 * shape[2], rng)
-        return cls(weight, np.zeros(shape[2], np.float32), grid, shape, stride, activation)
+        weight = _lecun((4 if overlap else 1) * grid[2], stride**2 * shape[2], rng)
+        return cls(weight, np.zeros(shape[2], np.float32), grid, shape, stride, activation, overlap)
 
     def __call__(self, x: Array) -> Array:
         """(n, rows * columns * maps in) to (n, h * w * channels)."""
-        (rows, columns, _), (height, width, channels), s = self.grid, self.shape, self.stride
-        cells = jnp.pad(x.reshape(-1, *self.grid), ((0, 0), (1, 1), (1, 1), (0, 0)))
-        blocks = (_squares(cells) @ self.weight).reshape(-1, rows + 1, columns + 1, s, s, channels)
-        images = blocks.transpose(0, 1, 3, 2, 4, 5).reshape(-1, (rows + 1) * s, (columns + 1) * s, channels)
-        before = s // 2
+        (height, width, channels), s = self.shape, self.stride
+        rows, columns, before = _blocks(self.shape, s, self.overlap)
+        cells = x.reshape(-1, *self.grid)
+        cells = _squares(jnp.pad(cells, ((0, 0), (1, 1), (1, 1), (0, 0)))) if self.overlap else cells
+        blocks = (cells @ self.weight).reshape(-1, rows, columns, s, s, channels)
+        images = blocks.transpose(0, 1, 3, 2, 4, 5).reshape(-1, rows * s, columns * s, channels)
         images = images[:, before : before + height, before : before + width]
         return _activated(self.activation, images + self.bias).reshape(len(x), -1)
+
+
+def _blocks(shape: tuple[int, int, int], stride: int, overlap: bool) -> tuple[int, int, int]:
+    """Rows and columns of blocks that images are cut into, and zeros before them."""
+    rows, columns = (-(-side // stride) + overlap for side in shape[:2])
+    return rows, columns, overlap * (stride // 2)
+
+
+class Reader(eqx.Module):
+    """Gated recurrent units that read a sequence; its last steps are repeated to fill the last of those read together.
+
+    K. Cho et al., Learning phrase representations using RNN encoder-decoder for statistical machine translation, EMNLP 2014.
+    """
+
+    cell: eqx.nn.GRUCell
+    shape: tuple[int, int] = eqx.field(static=True)  # steps, channels
+    together: int = eqx.field(static=True)  # steps
+
+    @classmethod
+    def random(cls, shape: tuple[int, int], together: int, units: int, rng: np.random.Generator) -> "Reader":
+        """With the weights that Equinox gives."""
+        return cls(eqx.nn.GRUCell(together * shape[1], units, key=_key(rng)), shape, together)
+
+    def __call__(self, x: Array) -> Array:
+        """(n, steps * channels) to (n, 2 units): the last state, and the mean of all."""
+        (steps, channels), updates = self.shape, -(-self.shape[0] // self.together)
+        missing = updates * self.together - steps
+        x = jnp.pad(x.reshape(-1, steps, channels), ((0, 0), (0, missing), (0, 0)), mode="edge")
+        given = x.reshape(-1, updates, self.together * channels).swapaxes(0, 1)
+        start = jnp.zeros((x.shape[0], self.cell.hidden_size))
+        states = _states(self.cell, given, start)
+        return jnp.concatenate([states[-1], states.mean(axis=0)], axis=1)
+
+
+class Teller(eqx.Module):
+    """The way back: from what its units are in the beginning, and are told at each update, to a sequence."""
+
+    cell: eqx.nn.GRUCell
+    out: Dense
+    shape: tuple[int, int] = eqx.field(static=True)  # steps, channels
+    together: int = eqx.field(static=True)  # steps
+
+    @classmethod
+    def random(cls, shape: tuple[int, int], together: int, units: int, rng: np.random.Generator) -> "Teller":
+        """As `Reader.random`."""
+        out = Dense.random(units, together * shape[1], "linear", rng)
+        return cls(eqx.nn.GRUCell(units, units, key=_key(rng)), out, shape, together)
+
+    def __call__(self, x: Array) -> Array:
+        """(n, units) to (n, steps * channels)."""
+        (steps, channels), updates = self.shape, -(-self.shape[0] // self.together)
+        states = _states(self.cell, jnp.broadcast_to(x, (updates, *x.shape)), x)
+        told = self.out(states).swapaxes(0, 1).reshape(len(x), -1, channels)
+        return told[:, :steps].reshape(len(x), -1)
+
+
+def _states(cell: eqx.nn.GRUCell, given: Array, start: Array) -> Array:
+    """The states, (updates, n, units), of units that are given (updates, n, features), from a start, (n, units), on."""
+
+    def update(state: Array, entry: Array) -> tuple[Array, Array]:
+        state = jax.vmap(cell)(entry, state)
+        return state, state
+
+    return jax.lax.scan(update, start, given)[1]
+
+
+def _key(rng: np.random.Generator) -> Array:
+    return jax.random.key(int(rng.integers(2**31)))
 
 
 class Beside(eqx.Module):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from auroraqd._checks import number, rows_of, whole, wholes
-from auroraqd.descriptors.distances import flat, multiscale
+from auroraqd.descriptors.distances import flat, multiscale, rhythms
 from auroraqd.descriptors.scaling import Scaling
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ Array = Any  # of JAX
 MOST_WIDTH = 10**6  # of a layer
 _SMALLEST, _LARGEST, _MOST_CHANNELS = 16, 128, 16  # of images: pixels a side, and channels, a few frames among them
 _MOST_ENTRIES = 1000  # of a time series: its convolutions are products with square matrices of this size
+_LONG = 100  # steps of a time series for which a recurrent network is better
 _GRID = 16  # cells a side, at most, after the first layer for images
 _LEAST_VARIANCE = 1e-5  # of an entry: images may all be the same
 _COARSE = 4  # cells a side, at most, before the dense layers
@@ -35,12 +36,14 @@ class Network(ABC):
 
     Attributes:
         raw: whether mini-batches are read from the observations as they are, in their dtype, and scaled one at a time.
-        geodesic: whether `metric="auto"` stands for shortest paths.
+        geodesic: whether `metric="auto"` stands for shortest paths; and if not,
+        measures: whether it stands for distances of what is `measured`.
         rate: times the learning rate of the `AutoEncoder`: wide or deep networks need a smaller one.
     """
 
     raw: ClassVar[bool] = True
     geodesic: ClassVar[bool] = False
+    measures: ClassVar[bool] = False
     rate: ClassVar[float] = 1.0
 
     @property
@@ -124,11 +127,7 @@ class Convolutional(Network):
 
     def check_shape(self, shape: tuple[int, ...]) -> None:
         """See `Network`."""
-        if len(shape) != 2:
-            raise ValueError(
-                "network 'convolutional' is for time series, observations of shape (n, steps, channels), got "
-                f"{rows_of(shape)}: network 'mlp' takes any shape"
-            )
+        _check_sequence("convolutional", shape)
         if math.prod(shape) > _MOST_ENTRIES:
             raise ValueError(
                 f"network 'convolutional' takes time series of at most {_MOST_ENTRIES} entries, got {shape[0]} steps of "
@@ -217,26 +216,80 @@ class Image(Network):
 
     def loss(self, x: Array, reconstruction: Array, variance: Array) -> Array:
         """See the class."""
-        size = variance + _LEAST_VARIANCE * x.shape[1]
-        return self.error * ((reconstruction - x) ** 2).sum(axis=1) / size
+        return self.error * _share(x, reconstruction, variance)
 
     def measured(self, observation: np.ndarray, scaling: Scaling) -> np.ndarray:
         """Blurred, at several scales: distances of sharp images say nothing as soon as what is seen does not overlap."""
         return multiscale(observation.reshape(len(observation), *_with_channels(observation.shape[1:])), scaling)
 
 
-NAMED: dict[str, type[Network]] = {"mlp": MLP, "convolutional": Convolutional, "image": Image}
+@dataclass(frozen=True)
+class Recurrent(Network):
+    """Gated recurrent units, sequence to sequence, for long time series of many channels, (steps, channels).
+
+    One layer reads the sequence, another tells it again. The squared error counts as of `Image`. Distances are those of
+    rhythms: see `auroraqd.descriptors.distances.rhythms`.
+
+    Args:
+        units: of each layer.
+        updates: of their states, at most: of a longer sequence several steps are read together.
+        error: weight of the squared error.
+        steps: the most steps of the optimiser in a repeat.
+
+    Examples:
+        >>> import auroraqd
+        >>> from auroraqd.descriptors.networks import Recurrent
+        >>> auroraqd.AutoEncoder(n_components=2, network=Recurrent(units=32)).network.units
+        32
+    """
+
+    units: int = 64
+    updates: int = 25
+    error: float = 20.0
+    steps: int = 200  # pyright: ignore[reportIncompatibleMethodOverride]
+    measures: ClassVar[bool] = True
+    rate: ClassVar[float] = 0.3
+
+    def check(self) -> None:
+        """See `Network`."""
+        whole("units", self.units, most=MOST_WIDTH)
+        whole("updates", self.updates, most=MOST_WIDTH)
+        number("error", self.error)
+        whole("steps", self.steps)
+
+    def check_shape(self, shape: tuple[int, ...]) -> None:
+        """See `Network`."""
+        _check_sequence("recurrent", shape)
+
+    def build(self, shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
+        """See `Network`."""
+        from auroraqd.descriptors.layers import recurrent_network
+
+        return recurrent_network((shape[0], shape[1]), n_components, self.units, self.updates, rng)
+
+    def loss(self, x: Array, reconstruction: Array, variance: Array) -> Array:
+        """See the class."""
+        return self.error * _share(x, reconstruction, variance)
+
+    def measured(self, observation: np.ndarray, scaling: Scaling) -> np.ndarray:
+        """Rhythms: distances between sequences say nothing once they are out of step."""
+        return rhythms(observation, scaling)
+
+
+NAMED: dict[str, type[Network]] = {"mlp": MLP, "convolutional": Convolutional, "image": Image, "recurrent": Recurrent}
 NAMES = ("auto", *NAMED)
 
 
 def chosen(shape: tuple[int, ...], dtype: np.dtype, hidden: Sequence[int]) -> Network:
     """The network for observations of this shape, without the rows, and dtype: what `network="auto"` stands for.
 
-    (h, w, channels) is an image if its sides are 16 to 128, and so is (h, w) of whole numbers of eight bits; all else is for
-    dense layers.
+    (h, w, channels) is an image if its sides are 16 to 128, and so is (h, w) of whole numbers of eight bits. (steps, channels)
+    is a long time series from 100 steps and 1,000 entries on. All else is for dense layers.
     """
     if is_image(shape) and (len(shape) == 3 or dtype == np.uint8):
         return Image()
+    if len(shape) == 2 and shape[0] >= _LONG and math.prod(shape) >= _MOST_ENTRIES:
+        return Recurrent()
     return MLP(tuple(hidden))
 
 
@@ -244,6 +297,20 @@ def is_image(shape: tuple[int, ...]) -> bool:
     """Whether observations of this shape can be images."""
     sides = all(_SMALLEST <= side <= _LARGEST for side in shape[:2])
     return len(shape) in (2, 3) and sides and _with_channels(shape)[2] <= _MOST_CHANNELS
+
+
+def _check_sequence(name: str, shape: tuple[int, ...]) -> None:
+    """Raise ValueError unless observations of this shape, without the rows, are time series."""
+    if len(shape) != 2:
+        raise ValueError(
+            f"network '{name}' is for time series, observations of shape (n, steps, channels), got {rows_of(shape)}: network "
+            "'mlp' takes any shape"
+        )
+
+
+def _share(x: Array, reconstruction: Array, variance: Array) -> Array:
+    """Squared errors, (n,), as shares of the variance of the observations: they weigh the same whatever the shape."""
+    return ((reconstruction - x) ** 2).sum(axis=1) / (variance + _LEAST_VARIANCE * x.shape[1])
 
 
 def _with_channels(shape: tuple[int, ...]) -> tuple[int, int, int]:

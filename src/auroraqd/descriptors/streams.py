@@ -112,6 +112,11 @@ class Streams:
         return {name: transformer for name, transformer in self.each.items() if transformer is not None}
 
     @property
+    def fitted_(self) -> dict[str, Any]:
+        """The fitted transformer of each stream, by its name; one for all is called ""."""
+        return {name: part.descriptor.transformer for name, part in self._parts.items()}
+
+    @property
     def n_components(self) -> int:
         """The most that one of its transformers has: more rows than that are needed to fit it."""
         found = [getattr(transformer, "n_components", 1) for transformer in self._transformers.values()]

@@ -31,6 +31,8 @@ _LEAST_ROWS = 256
 _REPORT = 0.5  # s between two looks at the training
 _EPSILON = 1e-12  # under roots, whose slope at 0 is infinite
 _ADAGRAD_START = 0.1  # TensorFlow's default, which the reference kept
+_RISE = 0.3  # share of a training over which beta rises from 0
+_FREE = 0.5  # nats of each latent dimension that cost the same as none
 
 
 class Protocol(NamedTuple):
@@ -49,6 +51,7 @@ class Protocol(NamedTuple):
     validation: float
     split_above: int
     isometry: float
+    beta: float = 0.0
 
 
 class Data(NamedTuple):
@@ -239,6 +242,22 @@ class _Span(NamedTuple):
     max_epochs: Array
 
 
+class _Batch(NamedTuple):
+    """A mini-batch."""
+
+    x: Array  # (size, features), scaled
+    targets: Array | None  # (size, m): see `Data`
+    valid: Array  # (size,) bool: rows that count
+    variance: Array
+
+
+class _Noise(NamedTuple):
+    """For a step of a variational network."""
+
+    key: Array
+    done: Array  # share of the training
+
+
 class _Functions(NamedTuple):
     """What both loops are made of."""
 
@@ -255,20 +274,34 @@ def _functions(structure: Any, kind: Network, protocol: Protocol) -> _Functions:
         scale = optax.scale_by_rss(initial_accumulator_value=_ADAGRAD_START)
     optimizer = optax.chain(optax.clip_by_global_norm(protocol.clip), scale) if protocol.clip else scale
 
-    def objective(weights: Any, x: Array, targets: Array | None, valid: Array, variance: Array) -> tuple[Array, Array]:
-        """Of a mini-batch (size, features) of which the rows `valid` count: the loss, and the sum of squared errors."""
+    def encoded(network: Any, batch: _Batch, noise: _Noise | None) -> tuple[Array, Array, Array | None]:
+        """Latent positions, what of them is decoded, and what is to be small of a variational network."""
+        if not protocol.beta:
+            z = network.encode(batch.x)
+            return z, z, None
+        mean, logarithm = network.posterior(batch.x)
+        cost = protocol.beta * divergence(mean, logarithm, batch.valid)
+        if noise is None:
+            return mean, mean, cost
+        drawn = mean + jnp.exp(logarithm / 2) * jax.random.normal(noise.key, mean.shape)
+        return mean, drawn, jnp.minimum(noise.done / _RISE, 1) * cost
+
+    def objective(weights: Any, batch: _Batch, noise: _Noise | None = None) -> tuple[Array, Array]:
+        """Of a mini-batch: the loss, and the sum of squared errors. Of a variational network without noise: of its means."""
         network = eqx.combine(weights, structure)
-        z = network.encode(x)
-        decoded = network.decode(z)
+        x, targets, valid, variance = batch
+        z, drawn, cost = encoded(network, batch, noise)
+        decoded = network.decode(drawn)
         squares = jnp.where(valid, ((decoded - x) ** 2).sum(axis=1), 0).sum()
         loss = jnp.where(valid, kind.loss(x, decoded, variance), 0).sum() / valid.sum()
         if protocol.isometry:
             loss = loss + protocol.isometry * distortion(x if targets is None else targets, z, valid)
-        return loss, squares
+        return loss if cost is None else loss + cost, squares
 
-    def step(weights: Any, slots: Any, done: Array, *batch: Any) -> tuple[Any, Any]:
-        """One of the optimiser, when this share of the training is done."""
-        gradient, _ = jax.grad(objective, has_aux=True)(weights, *batch)
+    def step(weights: Any, slots: Any, done: Array, key: Array | None, batch: _Batch) -> tuple[Any, Any]:
+        """One of the optimiser, when this share of the training is done, with a key for the noise, if there is some."""
+        noise = None if key is None else _Noise(key, done)
+        gradient, _ = jax.grad(objective, has_aux=True)(weights, batch, noise)
         update, slots = optimizer.update(gradient, slots, weights)
         rate = protocol.learning_rate * (_one_cycle(done, protocol.warmup) if protocol.decay == "cosine" else 1.0)
         return jax.tree.map(lambda w, u: w - rate * u, weights, update), slots
@@ -287,10 +320,10 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
     size = protocol.batch_size
     assert size is not None
 
-    def batch(rows: _Rows, order: Array, n: Array, i: Array) -> tuple[Any, ...]:
+    def batch(rows: _Rows, order: Array, n: Array, i: Array) -> _Batch:
         chosen = jax.lax.dynamic_slice(order, (i * size,), (size,))
         targets = None if rows.targets is None else rows.targets[chosen]
-        return rows.x[chosen], targets, i * size + jnp.arange(size) < n, rows.variance
+        return _Batch(rows.x[chosen], targets, i * size + jnp.arange(size) < n, rows.variance)
 
     def epoch(state: _State, rows: _Rows, span: _Span) -> _State:
         key, shuffle = jax.random.split(state.key)
@@ -300,14 +333,15 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
 
         def step(i: Array, carried: tuple[Any, Any]) -> tuple[Any, Any]:
             done = span.start + span.share * (state.epoch + i / steps) / span.max_epochs
-            return one_step(*carried, done, *batch(rows, order, rows.n_train, i))
+            noise = jax.random.fold_in(shuffle, i) if protocol.beta else None
+            return one_step(*carried, done, noise, batch(rows, order, rows.n_train, i))
 
         weights, slots = jax.lax.fori_loop(0, steps, step, (state.network, state.optimizer))
 
         def check(i: Array, carried: tuple[Array, Array]) -> tuple[Array, Array]:
             of = batch(rows, rows.check, rows.n_check, i)
-            loss, squares = objective(weights, *of)
-            return carried[0] + loss * of[2].sum(), carried[1] + squares
+            loss, squares = objective(weights, of)
+            return carried[0] + loss * of.valid.sum(), carried[1] + squares
 
         total, squares = jax.lax.fori_loop(0, (rows.n_check + size - 1) // size, check, (jnp.float32(0), jnp.float32(0)))
         error = total / rows.n_check
@@ -337,7 +371,7 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
     return _Compiled(optimizer, epochs)
 
 
-_PART = 16  # mini-batches that are read at a time, where rows are not held in memory
+_PART = 16  # mini-batches that are read at a time, a power of four, where rows are not held in memory
 
 
 class _InParts(NamedTuple):
@@ -362,20 +396,23 @@ def _compiled_in_parts(structure: Any, kind: Network, protocol: Protocol) -> _In
     size = protocol.batch_size
     assert size is not None
 
-    def batch(part: _Part, i: Array) -> tuple[Any, ...]:
+    def batch(part: _Part, i: Array) -> _Batch:
         def rows(values: Array) -> Array:
             return jax.lax.dynamic_slice_in_dim(values, i * size, size)
 
         x = (rows(part.x).astype(jnp.float32) - part.center) * part.factor
         targets = None if part.targets is None else rows(part.targets)
-        return x, targets, i * size + jnp.arange(size) < part.n, part.variance
+        return _Batch(x, targets, i * size + jnp.arange(size) < part.n, part.variance)
 
     @jax.jit
-    def train(weights: Any, slots: Any, part: _Part, done: Array, gain: Array) -> tuple[Any, Any]:
+    def train(weights: Any, slots: Any, part: _Part, done: Array, gain: Array, key: Array | None) -> tuple[Any, Any]:
         """Steps on a part, the share `done` of the training being done before, and `gain` more with each."""
-        steps = (part.n + size - 1) // size
-        step = lambda i, carried: one_step(*carried, done + i * gain, *batch(part, i))  # noqa: E731
-        return jax.lax.fori_loop(0, steps, step, (weights, slots))
+
+        def step(i: Array, carried: tuple[Any, Any]) -> tuple[Any, Any]:
+            noise = None if key is None else jax.random.fold_in(key, i)
+            return one_step(*carried, done + i * gain, noise, batch(part, i))
+
+        return jax.lax.fori_loop(0, (part.n + size - 1) // size, step, (weights, slots))
 
     @jax.jit
     def check(weights: Any, part: _Part) -> tuple[Array, Array]:
@@ -383,8 +420,8 @@ def _compiled_in_parts(structure: Any, kind: Network, protocol: Protocol) -> _In
 
         def add(i: Array, carried: tuple[Array, Array]) -> tuple[Array, Array]:
             of = batch(part, i)
-            loss, squares = objective(weights, *of)
-            return carried[0] + loss * of[2].sum(), carried[1] + squares
+            loss, squares = objective(weights, of)
+            return carried[0] + loss * of.valid.sum(), carried[1] + squares
 
         return jax.lax.fori_loop(0, (part.n + size - 1) // size, add, (jnp.float32(0), jnp.float32(0)))
 
@@ -403,17 +440,18 @@ def _steps_in_parts(
     validated, epochs, rmse, diverged, told = _held_back(n, protocol) > 0, [], float("nan"), False, 0.0
     for repeat in range(protocol.repeats):
         check, training = _split(n, protocol, rng)
-        steps = -(-len(training) // size)
+        most = len(training) if kind.steps is None else kind.steps * size  # rows of an epoch
+        steps = -(-min(len(training), most) // size)
         max_epochs = max(protocol.max_epochs, -(-protocol.min_steps // steps))
         if kind.steps is not None:
-            max_epochs = max(1, min(max_epochs, kind.steps // steps))
+            max_epochs = min(max_epochs, kind.steps // steps)
         best, best_error, errors = weights, np.inf, []
         while len(errors) < max_epochs and not diverged and not _has_risen(errors, protocol.patience):
             done, gain = (repeat + len(errors) / max_epochs) / protocol.repeats, 1 / (protocol.repeats * max_epochs * steps)
-            for first, part in _parts(data, rng.permutation(training), size):
-                weights, slots = compiled.train(
-                    weights, slots, part, np.float32(done + gain * (first // size)), np.float32(gain)
-                )
+            for first, part in _parts(data, rng.permutation(training)[:most], size):
+                key = jax.random.key(int(rng.integers(2**31))) if protocol.beta else None
+                since = np.float32(done + gain * (first // size))
+                weights, slots = compiled.train(weights, slots, part, since, np.float32(gain), key)
             sums = [compiled.check(weights, part) for _, part in _parts(data, check, size)]
             error, squares = (float(sum(values)) / len(check) for values in zip(*sums, strict=True))
             errors.append(error)
@@ -435,7 +473,10 @@ def _parts(data: Data, rows: np.ndarray, size: int) -> Iterator[tuple[int, _Part
     """The rows of these numbers in parts of a fixed number, and at which of them each begins."""
     assert data.scaler is not None
     center, factor = (jnp.asarray(values, jnp.float32) for values in (data.scaler.center, data.scaler.factor))
-    length = size * min(_PART, -(-len(rows) // size))
+    batches = 1
+    while batches < min(_PART, -(-len(rows) // size)):
+        batches *= 4  # few lengths: it is compiled for each
+    length = size * batches
     for first in range(0, len(rows), length):
         chosen = rows[first : first + length]
         x, targets = (None if of is None else _padded(of[chosen], length) for of in (data.x, data.targets))
@@ -471,6 +512,23 @@ def distortion(x: Array, z: Array, valid: Array) -> Array:
     given = _distances(z, pairs)
     s = (wanted * given).sum() / ((given**2).sum() + _EPSILON)
     return ((s * given - wanted) ** 2).sum() / ((wanted**2).sum() + _EPSILON)
+
+
+def divergence(mean: Array, logarithm: Array, valid: Array) -> Array:
+    """The Kullback-Leibler divergence of normal distributions from that of mean 0 and variance 1, in nats, the mean over rows.
+
+    0.5 sum(m^2 + v - log v - 1) over the dimensions [1, App. B]. Each counts 0.5 at the least: below, nothing presses it to say
+    less [2].
+
+    [1] D. P. Kingma, M. Welling, Auto-encoding variational Bayes, ICLR 2014.
+    [2] D. P. Kingma et al., Improved variational inference with inverse autoregressive flow, NIPS 2016, App. C.8 ("free bits").
+
+    Args:
+        mean, logarithm: (n, d), of the variance the logarithm.
+        valid: (n,) bool: rows that count.
+    """
+    nats = 0.5 * (mean**2 + jnp.exp(logarithm) - logarithm - 1)
+    return jnp.maximum(jnp.where(valid[:, None], nats, 0).sum(axis=0) / valid.sum(), _FREE).sum()
 
 
 def _distances(x: Array, pairs: Array) -> Array:

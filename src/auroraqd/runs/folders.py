@@ -181,6 +181,9 @@ class _Origin:
     def descriptor(self) -> Descriptor:
         return _descriptor(self.kind, self.arrays, _values(self.arrays), self.trusted)
 
+    def transformer(self) -> Transformer | None:
+        return _transformer(self.arrays, self.trusted) if self.kind == _LEARNED else None
+
     def seed(self) -> int:
         return _values(self.arrays)["seed"]
 
@@ -438,11 +441,7 @@ def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], values: Mapping[str
         ValueError: it was not saved, is damaged, or of a type that is not trusted.
     """
     if kind == _LEARNED:
-        if _TRANSFORMER not in arrays:
-            raise ValueError("the repertoire was saved without its transformer")
-        descriptor = Descriptor(_transformers.loaded(arrays[_TRANSFORMER].tobytes(), trusted))
-        if not isinstance(descriptor.source, Transformer):
-            raise ValueError(f"the descriptor must have fit and transform, and is {shown(descriptor.source)}")
+        descriptor = Descriptor(_transformer(arrays, trusted))
     elif kind in NAMES:
         descriptor = Descriptor(kind)
     else:
@@ -454,6 +453,16 @@ def _descriptor(kind: str, arrays: Mapping[str, np.ndarray], values: Mapping[str
         return descriptor.restored(scaling, tuple(values["shape"]), as_layout(values.get("layout")))
     except Exception as error:  # of what somebody wrote, anything
         raise ValueError(f"the descriptor is damaged: {type(error).__name__}: {error}") from None
+
+
+def _transformer(arrays: Mapping[str, np.ndarray], trusted: Sequence[str]) -> Transformer:
+    """What was learned, of a checkpoint of which something was. Raises: as `_descriptor`."""
+    if _TRANSFORMER not in arrays:
+        raise ValueError("the repertoire was saved without its transformer")
+    transformer = _transformers.loaded(arrays[_TRANSFORMER].tobytes(), trusted)
+    if not isinstance(transformer, Transformer):
+        raise ValueError(f"the descriptor must have fit and transform, and is {shown(transformer)}")
+    return transformer
 
 
 def _existing(folder: str | os.PathLike, name: str = "") -> Path:
