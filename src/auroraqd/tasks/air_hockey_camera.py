@@ -65,19 +65,18 @@ class AirHockeyCamera:
         moments = np.linspace(0, STEPS, self.frames + 1)[1:].round().astype(int) - 1
         seen = evaluation.observation[:, moments]
         arms = joints(np.asarray(genotypes, np.float64))[:, moments] if self.arm else np.empty((len(seen), self.frames, 0, 2))
-        pictures = np.zeros((len(seen), self.frames, self.size, self.size), np.uint8)
+        pictures = np.zeros((len(seen), self.size, self.size, self.frames), np.uint8)
         _draw(seen, arms, pictures)
-        return evaluation._replace(observation=np.ascontiguousarray(np.moveaxis(pictures, 1, 3)))
+        return evaluation._replace(observation=pictures)
 
 
 @compiled(nogil=True, error_model="numpy")
 def _draw(pucks, arms, pictures):
-    """Fill pictures, (n, frames, size, size), of pucks, (n, frames, 2), and arms, (n, frames, joints, 2), in metres."""
-    size = pictures.shape[2]
-    scale = size / (2 * WALL)  # pixels a metre
+    """Fill pictures, (n, size, size, frames), of pucks, (n, frames, 2), and arms, (n, frames, joints, 2), in metres."""
+    scale = pictures.shape[1] / (2 * WALL)  # pixels a metre
     for i in range(pictures.shape[0]):
-        for k in range(pictures.shape[1]):
-            picture = pictures[i, k]
+        for k in range(pictures.shape[3]):
+            picture = pictures[i, :, :, k]
             for joint in range(arms.shape[2] - 1):
                 x, y, u, v = arms[i, k, joint, 0], arms[i, k, joint, 1], arms[i, k, joint + 1, 0], arms[i, k, joint + 1, 1]
                 line(
