@@ -115,7 +115,7 @@ def test_the_maze_is_seen_from_above():
     assert pictures.dtype == np.uint8
     assert pictures.shape == (5, 40, 40, 1)
     scale = 40 / 600
-    walls = [(((600 - y) * scale, x * scale), ((600 - v) * scale, u * scale), 2 * scale, 90) for x, y, u, v in maze.WALLS]
+    walls = [(((600 - y) * scale, x * scale), ((600 - v) * scale, u * scale), 5 * scale, 90) for x, y, u, v in maze.WALLS]
     for picture, (x, y) in zip(pictures[..., 0], places, strict=True):
         robot = ((600 - y) * scale, x * scale)
         assert_allclose(picture.astype(int), naive.picture(40, [*walls, (robot, robot, 10 * scale, 255)]), atol=1)

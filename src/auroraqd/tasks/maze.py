@@ -47,7 +47,7 @@ _GENES = _FIRST + (_HIDDEN + 1) * _WHEELS
 _LARGEST = 1024  # pixels of a side
 _MOST_STEPS = 10**6
 _WALL, _ROBOT = 90.0, 255.0  # how bright
-_THIN = 2.0  # half the thickness of a wall, as it is drawn
+_THIN = 5.0  # half the thickness of a wall, as it is drawn
 
 
 @dataclass(frozen=True)
