@@ -49,7 +49,7 @@ def main() -> None:
     options = parser.parse_args()
     print(f"{'batch':>6} {'by the generation':>18} {'asynchronous':>13}")
     with evaluate.over(evaluate.processes(options.workers), robot) as spread:
-        for batch_size in (64, 256):
+        for batch_size in (16, 64, 256):
             shares = [busy(spread, options.workers, batch_size, options.evaluations, kind) for kind in (False, True)]
             print(f"{batch_size:6} {shares[0]:18.0%} {shares[1]:13.0%}", flush=True)
 

@@ -544,3 +544,74 @@ def strided(image, weight, stride):
                                     found[i][j][m] += image[y][x][c] * weight[entry][m]
                             entry += 1
     return found
+
+
+def picture(size, shapes):
+    """Lines with round ends, each ((row, column), (row, column), radius, value), pixel by pixel."""
+
+    def apart(point, start, end):
+        length = math.dist(start, end)
+        if length == 0:
+            return math.dist(point, start)
+        along = sum((p - a) * (b - a) for p, a, b in zip(point, start, end, strict=True)) / length
+        if along <= 0:
+            return math.dist(point, start)
+        if along >= length:
+            return math.dist(point, end)
+        return math.sqrt(max(math.dist(point, start) ** 2 - along**2, 0))
+
+    def brightness(point):
+        covered = [(min(max(radius + 0.5 - apart(point, a, b), 0), 1), value) for a, b, radius, value in shapes]
+        return max((int(share * value + 0.5) for share, value in covered), default=0)
+
+    return [[brightness((i + 0.5, j + 0.5)) for j in range(size)] for i in range(size)]
+
+
+def maze(weights, walls, steps, x=60.0, y=450.0, heading=math.pi / 4):
+    """The places of the robot, step by step, and its effort."""
+
+    def sight(angle):
+        """By halves, of the line from the robot on, whether it crosses any wall."""
+        direction = math.cos(angle), math.sin(angle)
+        found = [100.0]
+        for ax, ay, bx, by in walls:
+            sides = [(px - x) * direction[1] - (py - y) * direction[0] for px, py in ((ax, ay), (bx, by))]
+            if (sides[0] > 0) != (sides[1] > 0):
+                share = sides[0] / (sides[0] - sides[1])
+                px, py = ax + share * (bx - ax), ay + share * (by - ay)
+                along = (px - x) * direction[0] + (py - y) * direction[1]
+                if along >= 0:
+                    found.append(along)
+        return min(found)
+
+    def nearest(px, py):
+        points = []
+        for ax, ay, bx, by in walls:
+            share = ((px - ax) * (bx - ax) + (py - ay) * (by - ay)) / math.dist((ax, ay), (bx, by)) ** 2
+            share = min(max(share, 0), 1)
+            points.append((ax + share * (bx - ax), ay + share * (by - ay)))
+        return min(points, key=lambda point: math.dist(point, (px, py)))
+
+    first, biases = [weights[5 * i : 5 * i + 5] for i in range(5)], weights[25:30]
+    last, ends = [weights[30 + 2 * i : 32 + 2 * i] for i in range(5)], weights[40:42]
+    left = right = effort = 0.0
+    places = []
+    for _ in range(steps):
+        senses = [*(sight(heading + turn) / 100 for turn in (-math.pi / 4, 0, math.pi / 4)), left, right]
+        hidden = [math.tanh(biases[j] + sum(s * w[j] for s, w in zip(senses, first, strict=True))) for j in range(5)]
+        wheels = [math.tanh(ends[j] + sum(h * w[j] for h, w in zip(hidden, last, strict=True))) for j in range(2)]
+        effort += sum(wheel**2 for wheel in wheels)
+        heading += 5 * (wheels[1] - wheels[0]) / 20
+        forward = 5 * sum(wheels) / 2
+        to = x + forward * math.cos(heading), y + forward * math.sin(heading)
+        touched = nearest(*to)
+        left = right = 0.0
+        if math.dist(touched, to) > 10:
+            x, y = to
+        else:
+            dx, dy = touched[0] - to[0], touched[1] - to[1]
+            if dx * math.cos(heading) + dy * math.sin(heading) > 0:
+                side = dy * math.cos(heading) - dx * math.sin(heading)
+                left, right = float(side >= 0), float(side <= 0)
+        places.append((x, y))
+    return places, effort

@@ -189,10 +189,10 @@ def test_an_emitter_that_fails_is_not_said_of_the_task(spread):
     assert aurora.evaluations >= 20, "what was found before stays"
 
 
-def test_a_few_more_than_workers_are_out_where_evaluations_are_short(spread):
+def test_each_worker_has_the_next_waiting_where_evaluations_are_short(spread):
     spread._seconds = 0.002
     with Stream(spread) as stream:
-        assert stream.wanted == 3
+        assert stream.wanted == 4
         spread._seconds = 5.0
         assert stream.wanted == 2
     spread._seconds = None

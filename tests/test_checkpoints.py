@@ -19,7 +19,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 import auroraqd
-from auroraqd.emitters import Genetic, Goals
+from auroraqd.emitters import Genetic, Goals, NoveltySearch
 from auroraqd.runs import checkpoints, folders
 
 TASK = auroraqd.tasks.Ballistic()
@@ -217,6 +217,20 @@ def test_what_does_not_say_how_it_was_made_is_given_again(emitter, message, tmp_
     assert_array_equal(again.run(TASK, generations=2).archive.genotype, aurora.run(TASK, generations=2).archive.genotype)
 
 
+def test_one_emitter_does_not_take_the_place_of_several_unasked(tmp_path):
+    aurora = make(emitter=[(Genetic(), 2), (Goals(), 1)]).run(TASK, generations=2)
+    auroraqd.save(aurora, tmp_path)
+    for parts in ({"emitter": Goals()}, {"selection": auroraqd.Uniform()}, {"variation": auroraqd.IsoLine()}):
+        with pytest.raises(ValueError, match=r"the run has 2 emitters, Genetic, Goals, and .* give a list, emitter=\[\.\.\.\]"):
+            auroraqd.resume(tmp_path, **parts)
+    assert len(auroraqd.resume(tmp_path)._emitters.emitters) == 2
+    assert auroraqd.resume(tmp_path, emitter=[Goals()])._emitters.emitters == (Goals(),)
+    more = auroraqd.resume(
+        tmp_path, emitter=[Genetic(), Goals(), NoveltySearch()]
+    )  # of which the last has a state, and none yet
+    assert more.run(TASK, generations=1).generation == 3
+
+
 class Corner:
     """A transformer of the user's own."""
 
@@ -355,6 +369,33 @@ def test_another_run_is_not_overwritten(tmp_path):
         other.run(TASK, generations=1, callback=saved)
         assert not (tmp_path / "repertoire.previous.safetensors").exists()
     assert auroraqd.resume(tmp_path).seed == 2
+
+
+def test_saving_replaces_no_other_run(tmp_path):
+    """An earlier moment of the same run is replaced, also where the run is made anew, or goes on with other settings."""
+    aurora = make()
+    for _ in range(3):
+        auroraqd.save(aurora.run(TASK, generations=2), tmp_path)
+        auroraqd.save(aurora, tmp_path)  # as a cell of a notebook that is run again
+    auroraqd.save(make().run(TASK, generations=6), tmp_path)
+    auroraqd.save(auroraqd.resume(tmp_path, resolution=auroraqd.Fixed(0.5)).run(TASK, generations=1), tmp_path)
+    before = (tmp_path / "repertoire.safetensors").read_bytes()
+    other_task = lambda genotypes: TASK(genotypes[:, ::-1])  # noqa: E731
+    for other in (make(seed=2).run(TASK, generations=9), make().run(other_task, generations=9), make("genotype", seed=3)):
+        with pytest.raises(ValueError, match=r"holds another run: choose another folder, .* replace it with overwrite=True"):
+            auroraqd.save(other, tmp_path)
+    with pytest.raises(ValueError, match="holds this run at generation 7, and it is at 5"):
+        auroraqd.save(make().run(TASK, generations=5), tmp_path)
+    assert (tmp_path / "repertoire.safetensors").read_bytes() == before
+    auroraqd.save(make(seed=2).run(TASK, generations=1), tmp_path, overwrite=True)
+    assert auroraqd.resume(tmp_path).seed == 2
+    (tmp_path / "repertoire.safetensors").write_bytes(b"broken")
+    with pytest.raises(ValueError, match="damaged"):
+        auroraqd.save(make(), tmp_path)
+    auroraqd.save(make(), tmp_path, overwrite=True)
+    assert auroraqd.resume(tmp_path).generation == 0
+    with pytest.raises(ValueError, match="overwrite must be True or False, got 2"):
+        auroraqd.save(make(), tmp_path, overwrite=2)
 
 
 def test_two_at_once_in_a_folder(tmp_path):

@@ -139,6 +139,21 @@ def test_who_kills_its_worker_is_invalid(ours):
     assert_array_equal(evaluation.observation[6:], robots.good(few)[1][6:])
 
 
+@pytest.mark.parametrize("ends", [robots.dies, robots.leaves, robots.hangs])
+def test_only_the_worker_of_a_bad_individual_is_replaced(tmp_path, ends):
+    """What others do meanwhile goes on, and is done once."""
+    few = np.concatenate([GENOTYPES[~BAD][:3], GENOTYPES[BAD][:1], GENOTYPES[~BAD][3:20]])
+    timeout = 1 if ends is robots.hangs else None
+    with evaluate.over(
+        evaluate.processes(2), robots.WritesDown(tmp_path / "done", ends), chunk=1, retries=0, timeout=timeout
+    ) as task:
+        evaluation = task(few)
+    assert np.flatnonzero(np.isnan(evaluation.fitness)).tolist() == [3]
+    rows = [line.split() for line in (tmp_path / "done").read_text().splitlines()]
+    assert sorted(float(gene) for gene, _ in rows) == sorted(np.delete(few[:, 0], 3).tolist())
+    assert len({pid for _, pid in rows}) == 3
+
+
 class OneBoat(Executor):
     """A worker that a bad individual takes down with all that was sent at the time, as on a cluster that has one left."""
 
@@ -576,7 +591,8 @@ def test_an_interrupt_ends_the_workers():
     task = evaluate.over(evaluate.processes(1), robots.hangs)
     bad = GENOTYPES[BAD][:1]
     assert np.isfinite(task(GENOTYPES[~BAD]).fitness).all()
-    processes = list(task._executor._processes)
+    processes = [pid for process in task._executor._processes.values() for pid in process.pool._processes]
+    assert processes
 
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt

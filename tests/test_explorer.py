@@ -14,13 +14,13 @@ from browsing import serving
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd.report import explore, robots
+from auroraqd.report import explore
 from auroraqd.report.explorer.decoders import decoder
 from auroraqd.report.explorer.places import genes_of, stage_of
 from auroraqd.report.explorer.runs import content, source_of
 from auroraqd.report.explorer.sights import Sight
 from auroraqd.report.explorer.tables import back, table, wholes
-from auroraqd.tasks import air_hockey
+from auroraqd.tasks import _drawing, air_hockey
 
 EVIL = "</script><script>window.hacked = true</script>"
 
@@ -491,7 +491,7 @@ def test_films_when_they_are_asked_for(swimmers, browser, monkeypatch):
         browser.js("document.querySelector('#film button').click()")
         browser.until("return explorer.state.film?.picture?.complete")
         assert browser.js("return Object.keys(explorer.data().runs[0].films)") == [str(shown(browser))]
-        monkeypatch.setattr(robots, "find_library", lambda name: None)
+        monkeypatch.setattr(_drawing, "find_library", lambda name: None)
         browser.js(SHOW, (shown(browser) + 1) % 3)
         browser.js("document.querySelector('#film button').click()")
         browser.until(

@@ -1,3 +1,4 @@
+import gc
 import logging
 import pickle
 import sys
@@ -15,7 +16,8 @@ from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd import evaluate, tasks
-from auroraqd.report import film, robots
+from auroraqd.report import film
+from auroraqd.tasks import Camera, _drawing
 
 gymnasium = pytest.importorskip("gymnasium")
 mujoco = pytest.importorskip("mujoco")
@@ -432,11 +434,13 @@ def test_films_from_the_command_line(tmp_path):
 def test_no_library_to_draw_with_is_said(tmp_path, monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setattr(robots, "find_library", lambda name: None)
+    monkeypatch.setattr(_drawing, "find_library", lambda name: None)
     task = tasks.Gym("Swimmer-v5", steps=4, samples=2)
     with pytest.raises(ValueError, match="there is no library to draw robots with: install EGL or OSMesa"):
         film(task, genotypes_of(task), tmp_path / "a.gif")
     assert list(tmp_path.iterdir()) == []
+    with pytest.raises(ValueError, match="there is no library to draw robots with: install EGL or OSMesa"):
+        tasks.Gym("Swimmer-v5", observe="camera")
 
 
 def filmed(**settings):
@@ -700,10 +704,193 @@ def test_streams_of_a_dict_are_chosen(seeing):
     flat = tasks.Gym(seeing, observe=[0, 1], **options)(genotypes)
     assert_array_equal(flat.observation, one.observation["place"])
     assert flat.ground_truth.shape == (1, 2)
-    with pytest.raises(ValueError, match=r"observe must be of the streams place, camera, room for Seeing-v0, got \['sound'\]"):
+    with pytest.raises(ValueError, match=r"observe sound must be one of place, camera, room, positions, .*, got 'sound'"):
         tasks.Gym(seeing, observe=["sound"], **options)
-    with pytest.raises(ValueError, match=r"observe must be of 0 to 3 for CartPole-v1, got \['place'\]"):
+    with pytest.raises(ValueError, match=r"observe place must be one of positions, .* of CartPole-v1, got 'place'"):
         tasks.Gym("CartPole-v1", observe=["place"], controller=tasks.MLP())
+
+
+def test_each_stream_once_and_nothing_to_sense(seeing):
+    with pytest.raises(ValueError, match=r"observe must name each stream once, got \['place', 'place'\]"):
+        tasks.Gym(seeing, observe=["place", "place"])
+
+    class Senseless(Seeing):
+        observation_space = gymnasium.spaces.Dict({})
+
+    gymnasium.register("Senseless-v0", entry_point=Senseless)
+    try:
+        with pytest.raises(ValueError, match="Senseless-v0 senses nothing, for its observation has no entries"):
+            tasks.Gym("Senseless-v0")
+    finally:
+        del gymnasium.registry["Senseless-v0"]
+
+
+SIGHT = Camera((24, 32), frames=2, distance=3)
+
+
+def seen(env_id="Swimmer-v5", observe=SIGHT, rows=3, **settings):
+    task = tasks.Gym(env_id, steps=20, samples=4, observe=observe, **settings)
+    return task(genotypes_of(task, rows))
+
+
+@needs_a_library
+def test_a_camera_sees_where_a_robot_is():
+    fitness, pictures, truth = seen()
+    assert pictures.dtype == np.uint8
+    assert pictures.shape == (3, 24, 32, 6)
+    assert_array_equal(truth, seen(observe=None)[1][:, -1])
+    assert_array_equal(fitness, 0)
+    half = seen(observe=Camera((24, 32), distance=3)).observation  # the last of the frames
+    assert_array_equal(half, pictures[..., 3:])
+    grey = seen(observe=Camera((24, 32), distance=3, grey=True)).observation
+    assert_array_equal(grey[..., 0], (half @ [0.299, 0.587, 0.114]).round())
+    assert seen(observe="camera").observation.shape == (3, 64, 64, 3)
+    assert len(np.unique(pictures.reshape(3, -1), axis=0)) == 3
+
+
+@needs_a_library
+def test_the_camera_stands_still_or_follows():
+    def columns(**settings):
+        """In which column of the picture a swimmer is, at three places."""
+        task = tasks.Gym("Swimmer-v5", observe=Camera(32, distance=12, elevation=-90, **settings))
+        poses = np.zeros((3, 1, task.model.nq))
+        poses[:, 0, 0] = -3, 0, 3
+        red, green, blue = np.moveaxis(task._senses[""].of(poses).astype(int), 3, 0)
+        orange = (red - blue > 40) & (red > green)
+        return [np.average(np.arange(32), weights=one.sum(axis=0)) for one in orange]
+
+    left, middle, right = columns()
+    assert right - middle == pytest.approx(middle - left, abs=1)
+    assert right - left > 12
+    followed = columns(follow=True)
+    assert max(followed) - min(followed) < 1.5
+    assert columns(lookat=(-3, 0, 0))[0] == pytest.approx(middle, abs=1)
+
+
+@needs_a_library
+def test_pictures_are_the_same_bit_for_bit():
+    """One by one, at once, again, in another process, and in threads."""
+    task = tasks.Gym("Swimmer-v5", steps=20, observe=SIGHT)
+    genotypes = genotypes_of(task, 5)
+    pictures = task(genotypes).observation
+    assert_array_equal(np.concatenate([task(row[None]).observation for row in genotypes]), pictures)
+    assert_array_equal(pickle.loads(pickle.dumps(task))(genotypes[::-1]).observation[::-1], pictures)
+    with ThreadPoolExecutor(2) as threads:
+        for found in threads.map(lambda rows: task(rows).observation, [genotypes] * 4):
+            assert_array_equal(found, pictures)
+    with evaluate.over(evaluate.processes(1), task) as spread:
+        assert_array_equal(spread(genotypes).observation, pictures)
+
+
+@needs_a_library
+def test_a_camera_that_is_gone_takes_nothing_of_others():
+    """What libraries of drawing keep has numbers, and these are of a context."""
+    first = tasks.Gym("Swimmer-v5", steps=20, observe=SIGHT)
+    genotypes = genotypes_of(first, 2)
+    pictures = first(genotypes).observation
+    second = tasks.Gym("Swimmer-v5", steps=20, observe=SIGHT)
+    del first
+    gc.collect()
+    assert_array_equal(second(genotypes).observation, pictures)
+
+
+@needs_a_library
+def test_several_streams_at_once():
+    """Positions, what touches the ground, and a camera."""
+    observe = {"places": "positions", "speeds": "velocities", "feet": "contacts", "eye": Camera(16), "joints": range(2, 5)}
+    settings = {"env_id": "Ant-v5", "positions": (0, 1, 2), "options": {"terminate_when_unhealthy": False}}
+    fitness, observation, truth = seen(observe=observe, **settings)
+    shapes = {name: (observation[name].shape[1:], observation[name].dtype) for name in observation.dtype.names}
+    assert shapes == {
+        "eye": ((16, 16, 3), np.uint8),
+        "feet": ((4, 13), bool),
+        "joints": ((4, 3), np.float64),
+        "places": ((4, 3), np.float64),
+        "speeds": ((4, 14), np.float64),
+    }
+    assert_array_equal(truth, observation["places"][:, -1])
+    assert np.isfinite(fitness).all()
+    assert 0 < observation["feet"].mean() < 1
+    by_words = seen(observe=["positions", "contacts"], **settings)
+    assert_array_equal(by_words.observation["contacts"], observation["feet"])
+    assert_array_equal(by_words.ground_truth, truth)
+    task = tasks.Gym("Ant-v5", steps=20, samples=4, observe={"eye": Camera(16), "places": "positions"})
+    assert task._rollout is not None
+    assert tasks.Gym("Ant-v5", observe="contacts")(genotypes_of(task, 2)).observation.shape == (2, 20, 13)
+
+
+def test_contacts_are_those_of_the_simulation():
+    """Of Gymnasium's own, which is stepped by hand; and high in the air there are none."""
+    task = tasks.Gym("Ant-v5", observe="contacts", steps=60, samples=60)
+    genotype = genotypes_of(task, 1)
+    env, model = made("Ant-v5"), task.model
+    env.reset(seed=0)
+    env.set_state(env.init_qpos, env.init_qvel)
+    expected = np.zeros((60, model.nbody), bool)
+    for step, control in enumerate(task.episode(genotype).control[0]):
+        env.step(control)
+        mujoco.mj_forward(env.model, env.data)
+        for contact in env.data.contact:
+            if contact.dist < contact.includemargin:
+                expected[step, [model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2]]] = True
+    found = task(genotype).observation[0]
+    assert (found == expected[:, 1:]).mean() > 0.99
+    assert 0.01 < found.mean() < 0.5
+    pose = np.zeros((1, 1, model.nq))
+    pose[0, 0, 2:4] = 10, 1
+    assert not task._senses[""].of(pose).any()
+
+
+@needs_a_library
+def test_where_a_simulation_diverges_there_is_no_picture():
+    task = tasks.Gym("Swimmer-v5", steps=4, samples=2, observe=Camera(8), controller=Broken())
+    fitness, pictures, _ = task(np.array([[0.0], [1.0]]))
+    assert_array_equal(np.isnan(fitness), [False, True])
+    assert not pictures[1].any()
+    assert pictures[0].any()
+
+
+class Broken:
+    """Does nothing, or returns a NaN."""
+
+    def n_genes(self, actuators):
+        return 1
+
+    def __call__(self, genotypes, actuators, time):
+        return np.where(genotypes[:, :, None] > 0.5, np.nan, np.zeros((1, len(time), actuators)))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tasks.Gym("Swimmer-v5", observe="kamera"), "observe must be one of positions, velocities, contacts, obs"),
+        (lambda: tasks.Gym("Swimmer-v5", observe={"a": "kamera"}), "observe a must be one of positions, .*, got 'kamera'"),
+        (lambda: tasks.Gym("Swimmer-v5", observe={}), "observe must have a stream at least, got none"),
+        (lambda: tasks.Gym("Swimmer-v5", observe={"a b": "camera"}), "streams of Swimmer-v5 must have names .*, got 'a b'"),
+        (lambda: tasks.Gym("Swimmer-v5", observe={1: "camera"}), "streams of Swimmer-v5 must have names .*, got 1"),
+        (lambda: tasks.Gym("Swimmer-v5", observe={"a": [99]}), r"observe a must be of 0 to 7 for Swimmer-v5, got \[99\]"),
+        (lambda: tasks.Gym("Swimmer-v5", observe={"a": 5}), "observe a must be one of .*, got 5"),
+        (lambda: tasks.Gym("CartPole-v1", observe="camera"), "observe asks for camera, .* and CartPole-v1 is not an"),
+        (lambda: tasks.Gym("CartPole-v1", observe={"a": "contacts"}), "observe a asks for contacts, which is MuJoCo's"),
+        (
+            lambda: tasks.Gym("Ant-v5", observe=Camera(name="top")),
+            "name of a camera .* of Ant-v5 has, got 'top': there are track",
+        ),
+        (lambda: tasks.Gym("Reacher-v5", observe=Camera(name="top")), "got 'top': it has none with a name"),
+        (lambda: tasks.Gym("Ant-v5", steps=3, samples=1, observe=Camera(frames=4)), "frames of a camera must be at most 3"),
+        (lambda: Camera(0), "size of a camera must be a whole number, from 1 to 4096, got 0"),
+        (lambda: Camera((8, 8, 8)), r"size of a camera must be a whole number, .*, got \(8, 8, 8\)"),
+        (lambda: Camera("big"), "size of a camera must be a whole number"),
+        (lambda: Camera(distance=0), "distance of a camera must be more than 0"),
+        (lambda: Camera(elevation=91), "elevation must be a finite number, from -90 to 90, got 91"),
+        (lambda: Camera(lookat=(1, 2)), r"lookat must be x, y and z, got \(1, 2\)"),
+        (lambda: Camera(grey=2), "grey must be True or False"),
+        (lambda: Camera(name=3), "name of a camera must be one that the model has, got 3"),
+    ],
+)
+def test_what_cannot_be_observed(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
 
 
 def test_without_the_extra(monkeypatch):

@@ -173,7 +173,21 @@ def pixels():
     _save(figure, "pixels.png")
 
 
+def ant_camera():
+    """Ants, as a task with a camera gives them."""
+    camera = auroraqd.tasks.Camera(frames=2, distance=8)
+    task = auroraqd.tasks.Gym("Ant-v5", steps=40, samples=4, observe=camera)
+    pictures = task(np.random.default_rng(3).random((4, task.n_genes))).observation
+    figure, axes = plt.subplots(2, 4, figsize=(6.4, 3.4))
+    for column, picture in enumerate(pictures):
+        for row, when in enumerate(("half-way", "at the end")):
+            axes[row, column].imshow(picture[..., 3 * row : 3 * row + 3], interpolation="nearest")
+            axes[row, column].set(xticks=[], yticks=[], ylabel="" if column else when)
+    figure.tight_layout(pad=0.4)
+    _save(figure, "ant_camera.png")
+
+
 if __name__ == "__main__":
-    known = {function.__name__: function for function in (loop, rule, bent, boat, pixels)}
+    known = {function.__name__: function for function in (loop, rule, bent, boat, pixels, ant_camera)}
     for name in sys.argv[1:] or known:
         known[name]()

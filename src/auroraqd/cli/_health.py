@@ -24,7 +24,7 @@ _FOR_DEVELOPERS = {"test", "docs", "develop", "peers"}  # extras
 _SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "JAX_PLATFORMS", "XLA_FLAGS")
 _OF_LIBRARY = {"openblas": "OPENBLAS_NUM_THREADS", "mkl": "MKL_NUM_THREADS", "blis": "BLIS_NUM_THREADS"}
 _PATIENCE = 120  # s, for another process
-_DRAW = "from auroraqd.report.robots import gl_context as c; made = c(); print(type(made).__module__); made.free()"
+_DRAW = "from auroraqd.tasks._drawing import gl_context as c; made = c(); print(type(made).__module__); made.free()"
 
 
 class Finding(NamedTuple):

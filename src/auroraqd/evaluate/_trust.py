@@ -46,6 +46,11 @@ class Trust:
         self._complete = self._complete and worker in self._seen
         self._seen.add(worker)
 
+    def are(self, workers: Collection[Worker]) -> None:
+        """These are there, and no others."""
+        self._seen, self.bad = set(workers), self.bad & set(workers)
+        self._complete = True
+
     def met_all(self) -> None:
         """Nobody else answers."""
         self._complete = True

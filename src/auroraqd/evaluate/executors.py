@@ -2,19 +2,18 @@
 
 What a worker does with a piece of work is here too, so that it has imported all it needs when it says that it is ready.
 Things that these can and others cannot: `prepare` waits until the workers are there and have the task, so that the time
-they take to start is not taken for a slow evaluation; `kill` ends workers that hang; `submit_elsewhere`, of a cluster, keeps
-work from some workers.
+they take to start is not taken for a slow evaluation; `kill` ends workers that hang, and `end`, of processes, the one that
+does something; `submit_elsewhere` keeps work from some workers.
 """
 
 import logging
 import math
-import multiprocessing
 import os
 import pickle
 import time
 import uuid
-from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
+from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import CancelledError, Executor, Future
 from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
@@ -22,7 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd._checks import shown, whole
-from auroraqd._workers import cores, one_thread, settle
+from auroraqd._processes import Processes
+from auroraqd._workers import cores, settle
 from auroraqd.evaluate._trust import Worker, this_worker
 from auroraqd.tasks import Evaluation, as_evaluation, called
 
@@ -44,7 +44,7 @@ def processes(workers: int | None = None) -> Callable[[], Executor]:
         >>> spread = auroraqd.evaluate.over(auroraqd.evaluate.processes(8), auroraqd.tasks.Ballistic())  # none is started yet
     """
     workers = len(cores()) if workers is None else whole("workers", workers, most=_MOST)
-    return partial(_ProcessPool, workers)
+    return partial(_Processes, workers)
 
 
 def dask(client: Any) -> Callable[[], Executor]:
@@ -92,7 +92,6 @@ class Answer(NamedTuple):
 
 
 _loaded: tuple[bytes, Any] | None = None  # in a worker: the last task
-_together: Any = None  # in a worker of ours: where all meet
 
 
 def load(content: bytes, name: str) -> "Callable | Refused":
@@ -141,47 +140,32 @@ def _ready(content: bytes, name: str) -> "Worker | Refused":
     return found if isinstance(found, Refused) else this_worker()
 
 
-def _ready_together(content: bytes, name: str) -> "Worker | Refused":
-    """In a worker of ours: the same, and wait until all are ready, so that each loads it once."""
-    answer = _ready(content, name)
-    _together.wait(START)
-    return answer
-
-
-def _checked(answers: "Sequence[Worker | Refused]") -> list[Worker]:
+def _checked(answers: "Iterable[Worker | Refused]") -> list[Worker]:
+    workers = []
     for answer in answers:
         if isinstance(answer, Refused):
             raise answer.error(answer.text)
-    return [answer for answer in answers if isinstance(answer, Worker)]
+        workers.append(answer)
+    return workers
 
 
-class _ProcessPool(ProcessPoolExecutor):
-    """A pool whose processes start together, and can be ended."""
+class _Processes(Processes):
+    """Processes that have the task before they are given any work."""
 
     def __init__(self, workers: int):
-        self.workers = workers
-        context = multiprocessing.get_context("spawn")
-        super().__init__(workers, context, initializer=_begin, initargs=(context.Barrier(workers),))
+        super().__init__(workers, settle)
+        self._who: dict[int, Worker] = {}  # by place
 
     def prepare(self, content: bytes, name: str) -> list[Worker]:
-        """Wait until all workers are there and have the task."""
-        waiting = [self.submit(_ready_together, content, name) for _ in range(self.workers)]
-        return _checked([future.result() for future in waiting])
+        """Wait until there is a process in each place that has the task; returns all of them."""
+        started = self.fill(partial(_ready, content, name))
+        self._who.update(zip(started, _checked(future.result() for future in started.values()), strict=True))
+        return list(self._who.values())
 
-    def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
-        with one_thread():  # processes start when they are first needed
-            return super().submit(fn, *args, **kwargs)
-
-    def kill(self) -> None:
-        """End all processes, whatever they are doing."""
-        for process in list((self._processes or {}).values()):
-            process.kill()
-
-
-def _begin(barrier: Any) -> None:
-    global _together
-    _together = barrier
-    settle()
+    def submit_elsewhere(self, avoided: Collection[object], fn: Callable, /, *args: Any) -> Future:
+        """Submit to workers that are not among those avoided; if there are others."""
+        others = [place for place, worker in self._who.items() if not worker.among(avoided)]
+        return self.submit_to(others or range(self.workers), partial(fn, *args))
 
 
 async def _exit() -> None:

@@ -13,6 +13,7 @@ import cloudpickle
 import numpy as np
 
 from auroraqd._checks import function, number, numeric, seeds_for, shown, whole
+from auroraqd._processes import WorkerDied
 from auroraqd._workers import cores
 from auroraqd.evaluate._trust import Trust, Worker
 from auroraqd.evaluate.executors import START, Answer, work_on
@@ -26,7 +27,7 @@ _HOPELESS = 32  # individuals that fail, and none that does not, are not the ind
 _HANGING = 6  # nor are these, if they hang and none ever came back: to wait for more may take hours
 _PAUSE = 0.05, 5.0  # s, least and most, that a worker waits when it leaves a piece to others: about what an individual takes
 _DECLINED = 20  # times that a piece may be left to others before it is clear that there are none
-_STILLBORN = 3  # likewise executors that break before they have evaluated anything
+_STILLBORN = 3  # likewise executors that break before they have evaluated anything, or as many processes of one as it has
 _LOOK = 30.0  # s without an answer, after which is seen whether there still are workers
 _log = logging.getLogger("auroraqd")
 
@@ -189,12 +190,18 @@ class Spread:
             self._executor = self._factory()
             if not isinstance(self._executor, Executor):
                 raise TypeError(f"executor must make a concurrent.futures executor, got {shown(self._executor)}")
-            if hasattr(self._executor, "prepare"):  # so that what it takes to start is not taken for a slow evaluation
-                for worker in self._executor.prepare(self._content, self.__name__):  # pyright: ignore[reportAttributeAccessIssue]
-                    self._trust.met(worker)
-                self._trust.met_all()
-                self._slow_start = 0.0
+            self._prepare()
         return self._executor
+
+    def _prepare(self) -> None:
+        """Have all workers ready, as far as the executor can, so that what it takes is not taken for a slow evaluation."""
+        if not hasattr(self._executor, "prepare"):
+            return
+        try:
+            self._trust.are(self._executor.prepare(self._content, self.__name__))  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
+        except WorkerDied as error:
+            raise BrokenExecutor(str(error)) from None
+        self._slow_start = 0.0
 
     def _end_executor(self) -> None:
         """End the workers, also those that hang; the next use starts new ones."""
@@ -337,6 +344,8 @@ class _Batch:
         except BrokenExecutor as error:
             self._broke(error)
             return False
+        except WorkerDied as error:
+            return self._died(self._running.pop(future)[0], error)
         except (Exception, CancelledError) as error:
             piece, _ = self._running.pop(future)
             if self._alone:
@@ -376,26 +385,37 @@ class _Batch:
             if piece.failed_on & set(bad):
                 del self.invalid[row]
                 self._again.append(piece._replace(failures=0, failed_on=piece.failed_on - set(bad)))
-        if bad and hasattr(executor, "kill") and not hasattr(executor, "submit_elsewhere"):  # new ones are as good as others
+        if bad and hasattr(executor, "end"):  # processes: new ones are as good as others
             self._again.extendleft(piece for piece, _ in self._running.values())
             self._running.clear()
             self._spread._end_executor()
             return False
         return True
 
+    def _died(self, piece: _Piece, error: WorkerDied) -> bool:
+        """A process has died, and others go on: another takes its place. False when none can start."""
+        if error.began:
+            self._failed(piece, "its worker died", suspect=self._alone)
+            self._check_born(error, self._spread._workers)
+        else:
+            self._again.appendleft(piece)
+        return self._refilled()
+
+    def _refilled(self) -> bool:
+        """Have new workers in the place of those that are gone; False when they die, too, and the executor with them."""
+        try:
+            self._spread._prepare()
+        except BrokenExecutor as error:
+            self._broke(error)
+            return False
+        return True
+
     def _broke(self, error: BaseException) -> None:
         """A worker has died, and taken the executor with it: start another. Whose fault it was shows when they are alone."""
-        spread, pieces = self._spread, [piece for piece, _ in self._running.values()]
+        pieces = [piece for piece, _ in self._running.values()]
         self._running.clear()
-        spread._end_executor()
-        if not self._succeeded and spread._seconds is None:
-            spread._stillborn += 1
-            if spread._stillborn >= _STILLBORN:
-                spread._stillborn = 0
-                raise RuntimeError(
-                    f"the workers died before they had evaluated anything, {_STILLBORN} times ({error}). A script that starts "
-                    'processes must do so under `if __name__ == "__main__":`'
-                ) from error
+        self._spread._end_executor()
+        self._check_born(error, 1)
         if self._alone:
             self._alone = False
             for piece in pieces:
@@ -403,14 +423,32 @@ class _Batch:
         else:
             self._suspects.extend(pieces)
 
+    def _check_born(self, error: BaseException, at_once: int) -> None:
+        """Raise RuntimeError where workers die again and again, and none has ever evaluated anything."""
+        spread = self._spread
+        if self._succeeded or spread._seconds is not None:
+            return
+        spread._stillborn += 1
+        if spread._stillborn >= _STILLBORN * at_once:
+            spread._stillborn = 0
+            raise RuntimeError(
+                f"the workers died before they had evaluated anything, {_STILLBORN} times ({error}). A script that starts "
+                'processes must do so under `if __name__ == "__main__":`'
+            ) from error
+
     def _hung(self, late: Sequence[Future]) -> None:
-        """Workers take too long: end them all, for one alone cannot be ended; those that did not begin again."""
-        for future, (piece, _) in self._running.items():
-            if future in late:
-                self._hanging += 1
-                self._failed(piece, f"it took longer than {self._spread._timeout:g} s", suspect=self._alone)
-            else:
-                self._again.appendleft(piece)
+        """Workers take too long: end them; where one alone cannot be ended, all, and those that did not begin again."""
+        executor: Any = self._spread._executor
+        for future in late:
+            piece, _ = self._running.pop(future)
+            self._hanging += 1
+            self._failed(piece, f"it took longer than {self._spread._timeout:g} s", suspect=self._alone)
+        if hasattr(executor, "end"):
+            for future in late:
+                executor.end(future)
+            self._refilled()
+            return
+        self._again.extendleft(piece for piece, _ in self._running.values())
         self._running.clear()
         self._spread._end_executor()
 
@@ -587,7 +625,10 @@ class Stream(_Batch):
     def _most(self, workers: int) -> int:
         spread = self._spread
         short = spread._seconds is not None and spread._seconds < _SHORT and spread._timeout is None
-        return workers + math.ceil(workers / 4) if short and workers > 1 and not self._suspects else workers
+        if not short or workers == 1 or self._suspects:
+            return workers
+        # What waits at a process of ours waits for that one, and elsewhere for the first that is free.
+        return workers + (workers if hasattr(spread._executor, "end") else math.ceil(workers / 4))
 
     def _fresh(self, workers: int) -> _Piece | None:
         return self._waiting.popleft() if self._waiting else None

@@ -112,7 +112,7 @@ def replicate(job: Job, listener: Callable[[Aurora], Any]) -> tuple[Result, list
 
     aurora.run(task, generations=job.settings.generations, callback=follow)
     seconds = time.perf_counter() - since
-    folders.save(aurora, job.folder, config=job.settings.as_json())
+    folders.save(aurora, job.folder, config=job.settings.as_json(), overwrite=True)
     if not looks:
         raise ValueError("nothing was stored")
     last, seen = looks[-1]

@@ -1,7 +1,7 @@
 """Many runs at once: one worker process a core, each with libraries that keep to one thread.
 
-Workers are spawned, not forked, and end with their parent, however it ends. When a worker dies, the runs
-that were under way are tried once more, one at a time; the one whose worker dies again is given up, the others go on.
+Workers are spawned, not forked, and end with their parent, however it ends. The run of a worker that dies is tried once more,
+and then given up; the others go on.
 """
 
 import multiprocessing
@@ -9,13 +9,15 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import contextmanager, nullcontext
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as ready
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from auroraqd._workers import cores, one_thread, settle
+from auroraqd._processes import Processes, WorkerDied
+from auroraqd._workers import cores, settle
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, replicate
 from auroraqd.experiments.settings import Settings
@@ -123,76 +125,28 @@ def execute(
         listener: who is told.
         cluster: an executor whose workers see the folder of the ledger, which must be absolute; None: processes of here.
     """
-    if cluster is not None:
-        _until_broken(cluster, list(jobs), set(), settings, ledger, workers, listener)
-        return
-    waiting, suspects = list(jobs), set[tuple[str, int]]()
-    context = multiprocessing.get_context("spawn")
-    while waiting:
-        # A queue for each pool: a worker that is killed may leave it locked. Then reports are lost, and nothing else.
-        reports = context.Queue()
-        reports.cancel_join_thread()
-        relay = threading.Thread(target=_relay, args=(reports, listener), daemon=True)
-        relay.start()
-        suspects &= {job.run for job in waiting}
-        at_once = 1 if suspects else min(workers, len(waiting))
-        with _pool(at_once, context, reports) as pool:
-            waiting = _until_broken(pool, waiting, suspects, settings, ledger, at_once, listener)
-        reports.put(None)
-        relay.join(timeout=_REPORT)
-
-
-def _until_broken(
-    pool: Executor,
-    waiting: list[Job],
-    suspects: set[tuple[str, int]],
-    settings: Mapping[str, Settings],
-    ledger: Ledger,
-    workers: int,
-    listener: Listener,
-) -> list[Job]:
-    """Do runs until all are done or the pool breaks; returns those that are left.
-
-    When a worker dies, all runs under way are lost and it is not known whose it was: they are suspects. Suspects are tried
-    again first and alone, so that the next time it is known.
-    """
-    running: dict[Future, Job] = {}
-    alone = bool(suspects)
-    broken = False
-    while (waiting and not broken) or running:
-        needed = {job.folder for job in [*waiting, *running.values()] if job.reference is None}
-        while not broken and len(running) < workers:
-            ready = next((job for job in waiting if job.reference not in needed), None)
-            if ready is None or (alone and ready.run not in suspects):
-                break
-            try:
-                running[pool.submit(_work, ready)] = ready
-            except BrokenProcessPool:  # it broke since the last look
-                broken = True
-                break
-            waiting.remove(ready)
-        if not running:
-            break
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
-            job = running.pop(future)
-            try:
-                result, points = future.result()
-            except BrokenProcessPool:
-                broken = True
-                if alone:
-                    suspects.discard(job.run)
-                    waiting = _without(waiting, job, "its process died, twice", listener)
+    waiting, running, died = list(jobs), dict[Future, Job](), set[tuple[str, int]]()
+    with _pool(min(workers, len(jobs)), listener) if cluster is None else nullcontext(cluster) as pool:
+        while waiting or running:
+            needed = {job.folder for job in [*waiting, *running.values()] if job.reference is None}
+            for job in [job for job in waiting if job.reference not in needed][: workers - len(running)]:
+                running[pool.submit(_work, job)] = job
+                waiting.remove(job)
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                job = running.pop(future)
+                try:
+                    result, points = future.result()
+                except WorkerDied:
+                    if job.run in died:
+                        waiting = _without(waiting, job, "its process died, twice", listener)
+                    else:
+                        died.add(job.run)
+                        waiting.insert(0, job)
+                except Exception as error:
+                    waiting = _without(waiting, job, f"{type(error).__name__}: {error}", listener)
                 else:
-                    suspects.add(job.run)
-                    waiting.insert(0, job)
-            except Exception as error:
-                suspects.discard(job.run)
-                waiting = _without(waiting, job, f"{type(error).__name__}: {error}", listener)
-            else:
-                suspects.discard(job.run)
-                ledger.add(settings[job.variant], result, points)
-                listener.finished(result)
-    return waiting
+                    ledger.add(settings[job.variant], result, points)
+                    listener.finished(result)
 
 
 def _without(waiting: list[Job], failed: Job, reason: str, listener: Listener) -> list[Job]:
@@ -204,44 +158,49 @@ def _without(waiting: list[Job], failed: Job, reason: str, listener: Listener) -
     return [job for job in waiting if job not in orphans]
 
 
-def _relay(reports: Any, listener: Listener) -> None:
-    while True:
-        try:
-            status = reports.get()
-        except Exception:  # the rest of a report whose sender was killed
-            return
-        if status is None:
-            return
-        listener.progress(status)
-
-
 @contextmanager
-def _pool(workers: int, context: Any, reports: Any) -> Iterator[ProcessPoolExecutor]:
-    places, there = context.Queue(), cores()
-    for i in range(workers):
-        places.put(there[i % len(there)])
-    before = set(multiprocessing.active_children())
-    with one_thread():
-        pool = ProcessPoolExecutor(workers, context, initializer=_start, initargs=(places, reports))
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()) - before:
-                child.terminate()
-            raise
+def _pool(workers: int, listener: Listener) -> Iterator[Processes]:
+    """Processes that report to a listener, each through a pipe of its own, on a core of its own as long as there are enough."""
+    there, pipes, over = cores(), list[Any](), threading.Event()
+
+    def arguments(place: int) -> tuple[int, Connection]:
+        reader, writer = multiprocessing.Pipe(duplex=False)
+        pipes.append(reader)
+        return there[place % len(there)], writer
+
+    relay = threading.Thread(target=_relay, args=(pipes, over, listener), daemon=True)
+    relay.start()
+    pool = Processes(workers, _start, arguments)
+    try:
+        yield pool
+    except BaseException:
+        pool.kill()
+        raise
+    finally:
         pool.shutdown()
+        over.set()
+        relay.join()
 
 
-_reports: Any = None
+def _relay(pipes: list[Any], over: threading.Event, listener: Listener) -> None:
+    """Tell a listener what processes report."""
+    while not over.is_set():
+        found: list[Any] = ready(list(pipes), _REPORT)
+        for pipe in found:
+            try:
+                listener.progress(pipe.recv())
+            except (EOFError, OSError):  # it has died
+                pipes.remove(pipe)
 
 
-def _start(places: Any, reports: Any) -> None:
+_reports: Connection | None = None
+
+
+def _start(core: int, reports: Connection) -> None:
     """Set a worker up."""
     global _reports
     _reports = reports
-    reports.cancel_join_thread()
-    settle(places.get())
+    settle(core)
 
 
 def _work(job: Job) -> tuple[Result, list[Point]]:
@@ -275,7 +234,7 @@ class _Reporter:
         if _reports is not None and now >= self._next:  # the workers of a cluster have nobody to tell
             self._next = now + _REPORT
             job = self._job
-            _reports.put(
+            _reports.send(
                 Status(
                     job.variant, job.replication, self._generation, job.settings.generations, self._size, os.getpid(), training
                 )

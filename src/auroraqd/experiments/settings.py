@@ -21,10 +21,10 @@ from auroraqd.emitters import ribs, selection, variation
 from auroraqd.experiments.options import built, imported, keyword_parameters
 from auroraqd.provenance import importable, task_in
 from auroraqd.runs.parts import as_json
-from auroraqd.tasks import AirHockey, Ballistic, TaskError, evaluated, name_of
+from auroraqd.tasks import AirHockey, AirHockeyCamera, Ballistic, Maze, TaskError, evaluated, name_of
 from auroraqd.tasks.noise import seeds_of
 
-TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey}
+TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey, "air-hockey-camera": AirHockeyCamera, "maze": Maze}
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
 _SINCE = {  # settings that earlier versions have not

@@ -4,12 +4,9 @@ The camera stands still and shows the whole way of all, so that panels compare; 
 moves, the torso of most robots.
 """
 
-import copy
-import os
-import sys
 from collections.abc import Callable, Mapping, Sequence
-from ctypes.util import find_library
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +17,13 @@ from auroraqd._checks import numbers
 from auroraqd._files import as_path
 from auroraqd.report.videos import LAST, arrangement, video
 from auroraqd.tasks import Gym, name_of
+from auroraqd.tasks._drawing import Canvas, moving_body, moving_geoms
 
 _WIDTH, _HEIGHT = 320, 240  # pixels of a panel
 _RATE = 25.0  # most frames a second
 _WAY = np.array([0.95, 0.2, 0.5, 1.0], np.float32)
 _THICK = 0.004  # of the line, in distances of the camera
 _MARGIN = 1.05
-_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 
 
 def film(
@@ -88,7 +85,7 @@ def check_robot(task: Any, n_genes: int | None = None) -> None:
     """Raise ValueError unless a task is of a robot that can be drawn, and of this number of genes."""
     if getattr(task, "model", None) is None:
         raise ValueError(f"task {name_of(task)} is not of MuJoCo, which would draw it")
-    if len(_moving(task.model)) == 0:
+    if len(moving_geoms(task.model)) == 0:
         raise ValueError(f"task {name_of(task)} has nothing to film: no body that moves has a geom, in its model of MuJoCo")
     if n_genes not in (None, task.n_genes):
         raise ValueError(f"task {name_of(task)} has {task.n_genes} genes, and the skills have {n_genes}")
@@ -142,7 +139,7 @@ def _panels(names: Sequence[str]) -> tuple[Figure, list[Any]]:
 
 
 class Studio:
-    """Draws a robot in its poses.
+    """Draws a robot in its poses, and the way of its torso.
 
     Args:
         model: of MuJoCo.
@@ -157,114 +154,50 @@ class Studio:
     def __init__(self, model: Any, poses: np.ndarray, size: tuple[int, int] = (_WIDTH, _HEIGHT), *, together: bool = True):
         self._mujoco: Any = import_module("mujoco")
         self._width, self._height = size
-        self._context = gl_context(*size)
-        self._model = copy.deepcopy(model)  # of which only looks are changed
-        _paler(self._model)
-        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = size
-        self._data, self._poses = self._mujoco.MjData(self._model), poses
-        self._body = self._model.jnt_bodyid[0] if self._model.njnt else 0
-        self._context.make_current()
-        self._scene = self._mujoco.MjvScene(self._model, maxgeom=2000 + poses.shape[1])
-        self._drawing = self._mujoco.MjrContext(self._model, self._mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        self._mujoco.mjr_setBuffer(self._mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
-        self._geoms = _moving(self._model)
+        self._canvas = Canvas(model, self._height, self._width, more=poses.shape[1])
+        self._poses, data = poses, self._canvas.data
+        self._geoms = moving_geoms(model)
         self._way, places = np.empty((*poses.shape[:2], 3)), np.empty((*poses.shape[:2], len(self._geoms), 3))
         for place in np.ndindex(poses.shape[:2]):
-            self._pose(poses[place])
-            self._way[place], places[place] = self._data.xpos[self._body], self._data.geom_xpos[self._geoms]
+            self._canvas.pose(poses[place])
+            self._way[place], places[place] = data.xpos[moving_body(model)], data.geom_xpos[self._geoms]
         groups = [places.reshape(-1, len(self._geoms), 3)] * len(poses) if together else places
         self._cameras = [self._standing(group) for group in groups]
 
     def picture(self, row: int, frame: int) -> np.ndarray:
         """(height, width, 3), uint8."""
-        mujoco = self._mujoco
-        self._pose(self._poses[row, frame])
-        self._context.make_current()
-        mujoco.mjv_updateScene(
-            self._model,
-            self._data,
-            mujoco.MjvOption(),
-            mujoco.MjvPerturb(),
-            self._cameras[row],
-            mujoco.mjtCatBit.mjCAT_ALL.value,
-            self._scene,
-        )
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0  # half the time to draw without a GPU, and hardly seen
-        for start, end in zip(self._way[row, :frame], self._way[row, 1 : frame + 1], strict=True):
-            self._line(start, end, _THICK * self._cameras[row].distance)
-        size, picture = mujoco.MjrRect(0, 0, self._width, self._height), np.empty((self._height, self._width, 3), np.uint8)
-        mujoco.mjr_render(size, self._scene, self._drawing)
-        mujoco.mjr_readPixels(picture, None, size, self._drawing)
-        return picture[::-1]
+        camera, way = self._cameras[row], self._way[row, : frame + 1]
+
+        def add(scene: Any) -> None:
+            for start, end in pairwise(way):
+                self._line(scene, start, end, _THICK * camera.distance)
+
+        return self._canvas.picture(self._poses[row, frame], camera, add)
 
     def close(self) -> None:
         """Give back what the library keeps."""
-        self._context.make_current()
-        self._drawing.free()
-        self._context.free()
+        self._canvas.close()
 
-    def _pose(self, pose: np.ndarray) -> None:
-        self._data.qpos[:] = pose
-        self._mujoco.mj_forward(self._model, self._data)
-
-    def _line(self, start: np.ndarray, end: np.ndarray, thick: float) -> None:
-        capsule, there = self._mujoco.mjtGeom.mjGEOM_CAPSULE, self._scene.ngeom
-        if there == self._scene.maxgeom or np.array_equal(start, end):
+    def _line(self, scene: Any, start: np.ndarray, end: np.ndarray, thick: float) -> None:
+        capsule, there = self._mujoco.mjtGeom.mjGEOM_CAPSULE, scene.ngeom
+        if there == scene.maxgeom or np.array_equal(start, end):
             return
-        geom = self._scene.geoms[there]
+        geom = scene.geoms[there]
         self._mujoco.mjv_initGeom(geom, capsule, np.zeros(3), np.zeros(3), np.eye(3).ravel(), _WAY)
         self._mujoco.mjv_connector(geom, capsule, thick, start, end)
-        self._scene.ngeom += 1
+        scene.ngeom += 1
 
     def _standing(self, places: np.ndarray) -> Any:
         """A camera that sees all of these geoms, (m, geoms, 3): from the side if they keep to a plane, else from above."""
         low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
-        camera = self._mujoco.MjvCamera()
+        camera, model = self._mujoco.MjvCamera(), self._canvas.model
         camera.lookat[:] = (low + high) / 2
         camera.azimuth = 90
         camera.elevation = -15 if high[1] - low[1] < 0.25 * (high[0] - low[0]) else -50
         tilt = np.deg2rad(camera.elevation)
         right, forward = np.array([1, 0, 0]), np.array([0, np.cos(tilt), np.sin(tilt)])
-        offset, radius = places - camera.lookat, self._model.geom_rbound[self._geoms]
+        offset, radius = places - camera.lookat, model.geom_rbound[self._geoms]
         aside = np.maximum(np.abs(offset @ right) * self._height / self._width, np.abs(offset @ np.cross(right, forward)))
-        half = np.tan(np.deg2rad(self._model.vis.global_.fovy) / 2)
+        half = np.tan(np.deg2rad(model.vis.global_.fovy) / 2)
         camera.distance = _MARGIN * ((aside + radius) / half - offset @ forward).max()
         return camera
-
-
-def _moving(model: Any) -> np.ndarray:
-    """Geoms that may move, and are no ground, (geoms,)."""
-    return np.flatnonzero((model.geom_bodyid > 0) & (model.geom_type > 0))
-
-
-def _paler(model: Any) -> None:
-    """The ground in pale colours, of which robots stand out, and no reflections."""
-    for material in {int(model.geom_matid[geom]) for geom in np.flatnonzero(model.geom_type == 0)} - {-1}:
-        model.mat_reflectance[material] = 0
-        for texture in {int(index) for index in model.mat_texid[material]} - {-1}:
-            first, last = model.tex_adr[texture], model.tex_adr[texture] + _size(model, texture)
-            model.tex_data[first:last] = 190 + model.tex_data[first:last] * 0.15
-
-
-def _size(model: Any, texture: int) -> int:
-    return int(model.tex_height[texture] * model.tex_width[texture] * model.tex_nchannel[texture])
-
-
-def gl_context(width: int = _WIDTH, height: int = _HEIGHT) -> Any:
-    """What MuJoCo draws into: memory.
-
-    Raises:
-        ValueError: there is no library for it.
-    """
-    wanted = os.environ.get("MUJOCO_GL", "").lower().strip()
-    try:
-        if not sys.platform.startswith("linux"):
-            return import_module("mujoco").GLContext(width, height)
-        name = wanted if wanted in _LIBRARIES else next(name for name in _LIBRARIES if find_library(_LIBRARIES[name]))
-        return import_module(f"mujoco.{name}").GLContext(width, height)
-    except (StopIteration, ImportError, AttributeError, RuntimeError) as error:
-        reason = f" ({error})" if str(error) else ""
-        raise ValueError(
-            "there is no library to draw robots with: install EGL or OSMesa, on Debian or Ubuntu with "
-            f"apt-get install libegl1 libgl1{reason}"
-        ) from None

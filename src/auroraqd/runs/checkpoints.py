@@ -1,7 +1,6 @@
 """Checkpoints: a run is saved now and then while it goes on, so that no crash costs more than a few seconds of it."""
 
 import gc
-import json
 import os
 import time
 import warnings
@@ -17,7 +16,6 @@ from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
 from auroraqd.emitters.base import EmitterError
 from auroraqd.runs import _transformers, folders
-from auroraqd.runs.state import settings_of
 
 LOCK = ".lock"
 _SHARE = 0.02  # of the time of a run, at most, for checkpoints between its beginning and its end
@@ -94,7 +92,7 @@ class Checkpoints:
         except OSError as error:
             raise told(error, f"nothing can be written into {self.folder}") from None
         try:
-            self._keep = self._goes_on()
+            self._keep = folders.goes_on(self.aurora, self.folder, self._overwrite)
             self._first = not (self.folder / folders.CONFIG).exists()
             if self._first:  # from the settings alone a run can be done again, should it crash before the first checkpoint
                 folders.write_config(self.aurora, self.folder, self._config)
@@ -146,28 +144,6 @@ class Checkpoints:
         """What changes whenever the run does."""
         aurora = self.aurora
         return aurora.generation, aurora.evaluations, len(aurora.events), aurora.pending is not None
-
-    def _goes_on(self) -> bool:
-        """Whether the folder holds an earlier moment of the run.
-
-        Raises:
-            ValueError: it holds something else that must not be overwritten.
-        """
-        if not (self.folder / folders.REPERTOIRE).is_file() and not (self.folder / folders.PREVIOUS).is_file():
-            return False
-        try:
-            settings, generation = folders.whose(self.folder)
-        except ValueError:
-            if self._overwrite:
-                return False
-            raise
-        own = settings == json.loads(json.dumps(settings_of(self.aurora)))
-        if own and generation <= self.aurora.generation:
-            return True
-        if not self._overwrite:
-            what = f"this run at generation {generation}, and it is at {self.aurora.generation}" if own else "another run"
-            raise ValueError(f"{self.folder} holds {what}: choose another folder, or resume the run, or overwrite it")
-        return False
 
 
 @contextmanager

@@ -40,7 +40,7 @@ from auroraqd.provenance import made_again, made_by, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.runs import _tensors, _transformers
 from auroraqd.runs._saved import as_layout, check_arrays, check_values
-from auroraqd.runs.state import State, restored, settings_of, state_of
+from auroraqd.runs.state import State, is_of, restored, settings_of, state_of
 
 CONFIG, HISTORY, REPERTOIRE, FIGURES = "config.json", "history.csv", "repertoire.safetensors", "figures"
 PREVIOUS = "repertoire.previous.safetensors"
@@ -53,13 +53,16 @@ _Made = TypeVar("_Made")
 _VERSIONS = ("auroraqd", "numpy", "scipy", "scikit-learn", "numba", "jax", "equinox", "optax")
 
 
-def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any] | None = None) -> Path:
-    """Write a run folder, creating it if needed; its files are replaced.
+def save(
+    aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any] | None = None, overwrite: bool = False
+) -> Path:
+    """Write a run folder, creating it if needed. An earlier moment of the same run is replaced.
 
     Args:
         aurora: the run, at any moment.
         folder: where.
         config: what to keep as settings; by default those of `aurora`.
+        overwrite: whether another run in the folder, or one that is further, may be replaced.
 
     Returns:
         The folder.
@@ -67,6 +70,7 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     Raises:
         OSError: it cannot be written.
         TypeError: the run or the folder is something else.
+        ValueError: there is another run in the folder, or this one at a later generation, or one that cannot be read.
 
     Examples:
         >>> import auroraqd
@@ -78,6 +82,7 @@ def save(aurora: Aurora, folder: str | os.PathLike, *, config: Mapping[str, Any]
     folder = as_path("folder", folder)
     check_run(aurora)
     check_config(config)
+    goes_on(aurora, folder, flag("overwrite", overwrite))
     write(aurora, folder, config)
     (folder / PREVIOUS).unlink(missing_ok=True)  # it may be of another run
     return folder
@@ -253,19 +258,35 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
     return aurora
 
 
-def whose(folder: Path) -> tuple[dict[str, Any], int]:
-    """Which run the last checkpoint is of: its settings, as `auroraqd.runs.state.settings_of` has them, and its generation.
-
-    Of a damaged checkpoint, the one before takes the place.
+def goes_on(aurora: Aurora, folder: Path, overwrite: bool) -> bool:
+    """Whether a folder holds an earlier moment of a run. Of a damaged checkpoint, the one before takes the place.
 
     Raises:
-        FileNotFoundError: there is none.
-        ValueError: it is damaged, or of another format.
+        ValueError: it holds something else, and `overwrite` does not allow to replace that.
     """
-    values, error = _last(folder, lambda arrays, _: _values(arrays))
+    if not (folder / REPERTOIRE).is_file() and not (folder / PREVIOUS).is_file():
+        return False
+    try:
+        (generation, same), error = _last(folder, lambda arrays, _: _whose(State(_values(arrays), dict(arrays)), aurora))
+    except ValueError:
+        if overwrite:
+            return False
+        raise
     if error is not None:
         (folder / PREVIOUS).replace(folder / REPERTOIRE)
-    return values["settings"], values["generation"]
+    if same and generation <= aurora.generation:
+        return True
+    if not overwrite:
+        what = f"this run at generation {generation}, and it is at {aurora.generation}" if same else "another run"
+        raise ValueError(
+            f"{folder} holds {what}: choose another folder, or resume the run there, or replace it with overwrite=True"
+        )
+    return False
+
+
+def _whose(state: State, aurora: Aurora) -> tuple[int, bool]:
+    """The generation of a state, and whether it is of this run."""
+    return state.values["generation"], is_of(state, aurora)
 
 
 def changed(folder: Path, config: Mapping[str, Any]) -> list[str]:

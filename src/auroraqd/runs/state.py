@@ -53,7 +53,7 @@ class State(NamedTuple):
 
 def state_of(aurora: Aurora) -> State:
     """The state of a run at any moment, also between `ask` and `tell`."""
-    archive, records, asked = aurora.archive, aurora.history.records, list(aurora._asked.values())
+    archive, asked = aurora.archive, list(aurora._asked.values())
     emitted = [_state_of_emitter(emitter) for emitter in aurora._emitters.emitters]
     values = {
         **{name: getattr(aurora, name) for name in (*_PLAIN, *_SINCE, *_LATER)},
@@ -70,9 +70,7 @@ def state_of(aurora: Aurora) -> State:
     arrays = {
         **archive.columns,
         **{f"archive.{name}": array for name, array in archive.constants.items()},
-        "history": np.array([[getattr(r, name) for name in _RECORDED] for r in records], np.float64).reshape(
-            -1, len(_RECORDED)
-        ),
+        "history": _recorded(aurora),
         **_prefixed("waiting", aurora._waiting or {}),
         **_prefixed("pending", _joined([a.proposal for a in asked])),
     }
@@ -83,6 +81,24 @@ def state_of(aurora: Aurora) -> State:
     for number, state in enumerate(emitted):
         arrays.update(_prefixed(f"emitter{number}", state.arrays))
     return State(values, arrays)
+
+
+def is_of(state: State, aurora: Aurora) -> bool:
+    """Whether it is the same run, earlier or later: what both recorded of a generation is the same, bit for bit.
+
+    Where they have no generation in common, the settings must be the same.
+    """
+    before, now = state.arrays["history"], _recorded(aurora)[:, : state.arrays["history"].shape[1]]
+    _, ours, theirs = np.intersect1d(now[:, 0], before[:, 0], return_indices=True)
+    if not len(ours):
+        return state.values["settings"] == json.loads(json.dumps(settings_of(aurora)))
+    return state.values["seed"] == aurora.seed and np.array_equal(now[ours], before[theirs], equal_nan=True)
+
+
+def _recorded(aurora: Aurora) -> np.ndarray:
+    """What is known of each generation, but for its time, (records, fields)."""
+    rows = [[getattr(record, name) for name in _RECORDED] for record in aurora.history.records]
+    return np.array(rows, np.float64).reshape(-1, len(_RECORDED))
 
 
 def _prefixed(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -153,7 +169,7 @@ def restored(
         setattr(aurora, name, parts[name] if name in parts else made(name, settings[name], trusted))
     aurora._emitters = _emitters(settings, parts, trusted)
     for number, emitter in enumerate(aurora._emitters.emitters):
-        if hasattr(emitter, "restore"):
+        if hasattr(emitter, "restore") and number < len(values["emitters"]):  # of more than there were, the rest are new
             emitter.restore({**values["emitters"][number], **_named(f"emitter{number}", arrays)})
     archive = archive_made(settings["archive"], _named("archive", arrays), parts.get("archive"), trusted)
     archive.restore({name: array for name, array in arrays.items() if name in KNOWN or name in archive.own}, values["archive"])
@@ -200,12 +216,27 @@ def _ask_again(aurora: Aurora, values: Mapping[str, Any], columns: Columns) -> N
 
 def _emitters(settings: Mapping[str, Any], parts: Mapping[str, Any], trusted: Sequence[str]) -> Shared:
     """The emitters of a run."""
+    before = settings.get("emitters", [])
+    if len(before) > 1 and parts.keys() & {"selection", "variation", "emitter"}:
+        _check_all_given(before, parts.get("emitter"))
     if "emitter" in parts:
         return shared(parts["emitter"])
     if "emitters" not in settings or {"selection", "variation"} & set(parts):
         short = ("selection", "variation")
         return shared(Genetic(*(parts[name] if name in parts else made(name, settings[name], trusted) for name in short)))
     return shared([(made("emitter", emitter, trusted), share) for emitter, share in settings["emitters"]])
+
+
+def _check_all_given(before: Sequence[Any], given: Any) -> None:
+    """Raise ValueError where one emitter, or a selection or variation, would take the place of several unasked."""
+    if isinstance(given, Sequence):
+        return
+    types = [emitter.get("type") if isinstance(emitter, Mapping) else emitter for emitter, _ in before]
+    names = ", ".join(str(one).rpartition(".")[2] for one in types)
+    raise ValueError(
+        f"the run has {len(before)} emitters, {names}, and what is given would take the place of all: give a list, "
+        "emitter=[...], of all of them, or of those that are to go on"
+    )
 
 
 def _check_described(archive: Archive, descriptor: Descriptor) -> None:

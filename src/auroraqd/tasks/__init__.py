@@ -136,22 +136,28 @@ def _of_each(name: str, array: np.ndarray, n: int) -> np.ndarray:
 
 
 from auroraqd.tasks._episodes import Episode  # noqa: E402 - tasks use Evaluation
+from auroraqd.tasks._sensing import Camera  # noqa: E402
 from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402
+from auroraqd.tasks.air_hockey_camera import AirHockeyCamera  # noqa: E402
 from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
 from auroraqd.tasks.controllers import MLP, ClosedLoop, OpenLoop, Sinusoids, Splines  # noqa: E402
 from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
 from auroraqd.tasks.gym import Gym  # noqa: E402
+from auroraqd.tasks.maze import Maze  # noqa: E402
 from auroraqd.tasks.noise import repeated  # noqa: E402
 
 __all__ = [
     "MLP",
     "AirHockey",
+    "AirHockeyCamera",
     "Ballistic",
+    "Camera",
     "ClosedLoop",
     "Episode",
     "Evaluation",
     "Genes",
     "Gym",
+    "Maze",
     "OpenLoop",
     "Sinusoids",
     "Splines",

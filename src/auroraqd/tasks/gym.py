@@ -2,7 +2,7 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -12,8 +12,9 @@ from auroraqd._checks import flag, instance, numbers, seeds_for, shown, whole, w
 from auroraqd._workers import cores
 from auroraqd.observations import joined as streams
 from auroraqd.tasks import Evaluation
-from auroraqd.tasks._environments import Environments, Part
+from auroraqd.tasks._environments import Environments
 from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped
+from auroraqd.tasks._sensing import Camera, Sense, Senses
 from auroraqd.tasks.controllers import ClosedLoop, OpenLoop, Sinusoids, is_closed_loop
 
 _MOST_BYTES = 1 << 28  # of states that are kept at once
@@ -26,9 +27,9 @@ class Gym:
     """A task of an environment of Gymnasium.
 
     Observations are what is chosen at `samples` moments, (n, samples, chosen); the ground truth is the last of them,
-    (n, chosen). Where the environment's own observation is a Dict, of joints and a camera for instance, its parts are streams,
-    each (n, samples, ...) in its own shape and dtype, and there is no ground truth. An individual whose simulation diverges, or
-    whose controller returns a NaN, is invalid.
+    (n, chosen). A camera's are pictures, (n, height, width, channels) uint8. Several things are streams, each in its own shape
+    and dtype. The ground truth of robots of MuJoCo is then their last `positions`; of others there is none. An individual whose
+    simulation diverges, or whose controller returns a NaN, is invalid.
 
     The task chooses how to simulate. What an open-loop controller does with a robot of MuJoCo is computed by MuJoCo's own
     multi-threaded rollout, of whole batches, when nothing asks for more than positions and velocities, and the environment's
@@ -42,8 +43,10 @@ class Gym:
         steps: of control, an episode; the environment's own limit does not count.
         samples: moments that are observed, evenly spaced, the last at the end.
         positions: which of MuJoCo's qpos are observed; the first two are often the torso's place in the world, and the default.
-        observe: which entries of the environment's own observation, flattened, are observed instead, or, of one that is a Dict,
-            which streams, by name; of environments that are not MuJoCo's, all by default.
+        observe: what is observed instead: numbers of entries of the environment's own observation, flattened; "observation",
+            all of it; the name of a stream of one that is a Dict; of robots of MuJoCo also "camera", or a `Camera`,
+            "positions", "velocities", and "contacts", which bodies touch something. A list of names, or a dictionary of these
+            by names of your own, are streams. Of environments that are not MuJoCo's, all that they sense by default.
         fitness: from an `Episode` to (n,), of which MuJoCo's rollout leaves reward and observation out; or "return", the sum of
             the environment's own rewards; None: 0, only explore.
         noisy: begin as the environment does, with its noise, of a seed for each individual; the task is then called as
@@ -73,7 +76,7 @@ class Gym:
     steps: int = 200
     samples: int = 20
     positions: Sequence[int] | None = None
-    observe: Sequence[int] | Sequence[str] | None = None
+    observe: Sequence[int] | Sequence[str] | Camera | Mapping[str, Any] | str | None = None
     fitness: Callable[[Episode], np.ndarray] | Literal["return"] | None = None
     noisy: bool = False
     modify: Callable[[Any], object] | None = None
@@ -90,72 +93,61 @@ class Gym:
             raise ValueError(f'fitness must be a function of an Episode, "return" or None, got {shown(self.fitness)}')
         if self.modify is not None and not callable(self.modify):
             raise ValueError(f"modify must be a function that changes a model of MuJoCo, got {shown(self.modify)}")
-        for name in ("positions", "observe"):
-            chosen = getattr(self, name)
-            if chosen is not None and not (name == "observe" and _names(chosen)):
-                whole_numbers(name, chosen, axes=1)
+        if self.positions is not None:
+            whole_numbers("positions", self.positions, axes=1)
         if not isinstance(self.options, dict):
             raise ValueError(f"options must be a dictionary, as gymnasium.make takes them, got {shown(self.options)}")
         flag("noisy", self.noisy)
-        if self.positions is not None and self.observe is not None:
+        if self.positions is not None and not (self.observe is None or self._at_large):
             raise ValueError("positions and observe are two ways to say what is observed: give one of them")
         self._open()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("_environments", "_rollout", "_lock")}
+        made = ("_environments", "_rollout", "_lock", "_senses", "_streams", "_truth")
+        return {name: value for name, value in self.__dict__.items() if name not in made}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._open()
+
+    @property
+    def _at_large(self) -> bool:
+        """Whether what is observed is no choice of entries, of which the last are the ground truth."""
+        return isinstance(self.observe, Mapping | Camera | str) or _names(self.observe)
 
     def _open(self) -> None:
         closed = is_closed_loop(self.controller)
         self._lock = threading.Lock()  # a worker of many threads has one task
         self._environments = Environments(self.env_id, self.options, self.modify)
         self.__name__ = self.env_id
-        model, actuators = self._environments.model, self._environments.actuators
-        if model is None and self.positions is not None:
-            raise ValueError(
-                f"positions are of MuJoCo, and env_id {self.env_id!r} is not an environment of MuJoCo: "
-                "choose entries of its observation with observe"
-            )
-        self._of_observation = model is None or self.observe is not None
-        self._streams = self._chosen_streams()
-        self._chosen = [] if self._streams else self._chosen_entries()
+        self._sense(Senses(self._environments, self.env_id, self.steps, self.samples, self.positions))
+        actuators = self._environments.actuators
         sizes = (self._environments.observations, actuators) if closed else (actuators,)
         self.n_genes: int = whole("n_genes of the controller", self.controller.n_genes(*sizes))
         self._rollout = None
-        if not (closed or self._of_observation or self.fitness == "return" or "max_episode_steps" in self.options):
+        by_steps = closed or self.fitness == "return" or any(s.column == "observation" for s in self._senses.values())
+        if not (by_steps or self.model is None or "max_episode_steps" in self.options):
             rollout = Rollout(self._environments, self.threads or _threads())
             self._rollout = rollout if rollout.agrees() else None
 
-    def _chosen_streams(self) -> dict[str, Part]:
-        """Of an observation that is a Dict, unless entries are chosen."""
-        wanted, there = self.observe, self._environments.streams
-        if not self._of_observation or not (there if wanted is None else _names(wanted)):
-            return {}
-        names: list[Any] = list(there if wanted is None else wanted)
-        if not there or not set(names) <= set(there):
-            which = f"of the streams {', '.join(there)}" if there else f"of 0 to {self._environments.observations - 1}"
-            raise ValueError(f"observe must be {which} for {self.env_id}, got {shown(names)}")
-        odd = [name for name in names if not name.isidentifier()]
-        if odd:
-            raise ValueError(
-                f"streams of {self.env_id} must have names as of variables, got {shown(odd[0])}: choose others, or entries by "
-                "their numbers, with observe"
-            )
-        return {name: there[name] for name in names}
-
-    def _chosen_entries(self) -> list[int]:
-        name = "observe" if self._of_observation else "positions"
-        model = self._environments.model
-        there = self._environments.observations if self._of_observation else model.nq
-        chosen: Any = self.observe if self._of_observation else self.positions
-        if chosen is None:
-            chosen = range(there) if self._of_observation else range(min(2, there))
-        if not len(chosen) or any(not 0 <= index < there for index in chosen):
-            raise ValueError(f"{name} must be of 0 to {there - 1} for {self.env_id}, got {list(chosen)}")
-        return list(chosen)
+    def _sense(self, senses: Senses) -> None:
+        """See to what is observed, and what is the ground truth."""
+        wanted: Any = self.observe
+        if wanted is None:
+            of_mujoco, names = self.model is not None, list(self._environments.streams)
+            wanted = "positions" if of_mujoco else names or "observation"
+        if _names(wanted):
+            if len(set(wanted)) < len(wanted):
+                raise ValueError(f"observe must name each stream once, got {shown(list(wanted))}")
+            wanted = {name: name for name in wanted}
+        found = senses.several(wanted) if isinstance(wanted, Mapping) else senses.one("observe", wanted)
+        self._streams = isinstance(found, dict)
+        self._senses: dict[str, Sense] = found if isinstance(found, dict) else {"": found}
+        self._truth: Sense | None = None
+        if self._at_large:
+            self._truth = None if self.model is None else senses.positions()
+        elif not isinstance(found, dict):
+            self._truth = found
 
     @property
     def seeded(self) -> bool:
@@ -231,9 +223,6 @@ class Gym:
 
     def _evaluation(self, episode: Episode) -> Evaluation:
         n = len(episode.length)
-        moments = np.linspace(0, self.steps, self.samples + 1)[1:].round().astype(int) - 1
-        states = episode.observation if self._of_observation else episode.qpos
-        seen = states[:, moments]
         if self.fitness is None:
             fitness = np.zeros(n)
         elif callable(self.fitness):
@@ -242,13 +231,11 @@ class Gym:
             fitness = episode.reward.sum(axis=1)
         if fitness.shape != (n,):
             raise ValueError(f"fitness must return shape ({n},), got {fitness.shape}")
-        if self._streams:
-            invalid = ~np.isfinite(seen).all(axis=(1, 2))  # which whole numbers cannot say
-            return Evaluation(
-                np.where(invalid, np.nan, fitness), streams({name: part.of(seen) for name, part in self._streams.items()})
-            )
-        path = seen[..., self._chosen]
-        return Evaluation(fitness, path, path[:, -1])
+        valid = np.logical_and.reduce([sense.valid(episode) for sense in self._senses.values()])  # whole numbers cannot say
+        seen = {name: sense(episode) for name, sense in self._senses.items()}
+        observation = streams(seen) if self._streams else next(iter(seen.values()))
+        truth = None if self._truth is None else self._truth(episode)[:, -1]
+        return Evaluation(np.where(valid, fitness, np.nan), observation, truth)
 
     def _fitness(self, function: Callable[[Episode], np.ndarray], episode: Episode) -> np.ndarray:
         """What a function makes of an episode, with a hint if it may have asked for what the episode does not have."""
