@@ -175,7 +175,8 @@ def _graph(distance: np.ndarray, neighbour: np.ndarray) -> Any:
 
     n, k = distance.shape
     length = np.maximum(distance.ravel(), np.finfo(np.float32).tiny)  # 0 would be no edge
-    one_way = csr_array((length, neighbour.ravel(), np.arange(0, n * k + 1, k)), shape=(n, n))
+    starts = np.arange(0, n * k + 1, k, dtype=np.int32)  # before 1.15 SciPy finds no paths in a graph of wider numbers
+    one_way = csr_array((length, neighbour.ravel().astype(np.int32), starts), shape=(n, n))
     return one_way.maximum(one_way.T)
 
 

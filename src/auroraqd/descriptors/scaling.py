@@ -134,7 +134,7 @@ class Scaling(NamedTuple):
         half = self.high / 2 - self.low / 2
         constant = half <= np.finfo(np.float64).tiny  # which says nothing of how far it may go
         half = np.where(constant, 1.0, half)
-        limit = np.where(constant, np.inf, self.limit)
+        limit = np.where(constant, np.inf, np.broadcast_to(self.limit, half.shape))
         return Scaler(*(np.tile(part, features // len(half)) for part in (self.high / 2 + self.low / 2, 1 / half, half, limit)))
 
 

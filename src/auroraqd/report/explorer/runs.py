@@ -13,7 +13,7 @@ import numpy as np
 from sklearn.neighbors import NearestNeighbors
 
 from auroraqd.aurora import Aurora
-from auroraqd.descriptors.descriptor import Descriptor
+from auroraqd.descriptors.descriptor import Descriptor, Transformer
 from auroraqd.history import History
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.explorer.moments import moments
@@ -93,6 +93,9 @@ class _Live:
 
     def descriptor(self) -> Descriptor:
         return self.aurora.descriptor
+
+    def transformer(self) -> Transformer | None:
+        return self.aurora.descriptor.transformer
 
     def seed(self) -> int:
         return self.aurora.seed
