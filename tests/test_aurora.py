@@ -355,7 +355,8 @@ def named(function):
 @pytest.mark.parametrize(
     ("result", "message"),
     [
-        (lambda g: np.zeros(len(g)), "must return a tuple of fitness, observation"),
+        (lambda g: np.zeros(len(g)), r"of shape \(200,\): observations of one number each are observation\[:, None\]"),
+        (lambda g: {"fitness": np.zeros(len(g)), "observation": g}, "a dictionary is an observation of several streams"),
         (lambda g: None, "got NoneType"),
         (lambda g: (np.zeros(len(g)),), "got tuple of 1"),
         (lambda g: (np.zeros(3), np.zeros((len(g), 2))), r"fitness must have 5 rows, one for each genotype, got shape \(3,\)"),

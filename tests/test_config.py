@@ -115,7 +115,9 @@ def test_files_of_others_are_not_overwritten(tmp_path):
     assert "run.toml exists: choose another" in command(*saving, cwd=tmp_path, ok=False).stderr
     assert file.read_text() == "seed = 1 # mine\n"
     assert not (tmp_path / "run").exists()
-    command(*saving, "--overwrite", cwd=tmp_path)
+    assert "run.toml exists: choose another" in command(*saving, "--overwrite", cwd=tmp_path, ok=False).stderr
+    file.unlink()
+    command(*saving, cwd=tmp_path)
     text = file.read_text()
     assert "seed = 0\n" in text
     assert "holds a run already" in command(*saving, cwd=tmp_path, ok=False).stderr

@@ -101,3 +101,9 @@ def test_what_exists_stays(tmp_path):
     assert (tmp_path / "a place" / "for it" / "robot.py").is_file()
     done = command("new-task", "robot", "--out", "file/x", cwd=tmp_path, ok=False)
     assert "the folder file/x could not be created: Not a directory" in done.stderr
+
+
+def test_from_the_folder_above(tmp_path):
+    command("new-task", "snake", cwd=tmp_path)
+    told = command("run", "snake:snake", "--out", "run", cwd=tmp_path, ok=False).stderr
+    assert "task snake:snake: snake is a folder here, and no module: go there first, cd snake" in told

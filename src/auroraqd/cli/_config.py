@@ -87,7 +87,7 @@ def _fits(kind: type, value: Any) -> bool:
     return isinstance(value, taken) and (kind is bool or not isinstance(value, bool))
 
 
-def write_config(context: typer.Context, path: Path | None, *, overwrite: bool = False) -> None:
+def write_config(context: typer.Context, path: Path | None) -> None:
     """Write the options of a command, those left to their defaults too, but for where it puts its results.
 
     Raises:
@@ -105,8 +105,8 @@ def write_config(context: typer.Context, path: Path | None, *, overwrite: bool =
     text = f"# Options of `{context.command_path}`, auroraqd {__version__}\n{tomli_w.dumps(options)}".encode()
     if path.is_file() and path.read_bytes() == text:
         return
-    if path.exists() and not overwrite:
-        raise UserError(f"{path} exists: choose another file with --save-config, or replace it with --overwrite")
+    if path.exists():
+        raise UserError(f"{path} exists: choose another file with --save-config, or remove it first")
     with replacing(path) as file:
         file.write(text)
 

@@ -179,7 +179,7 @@ def run(
         checkpoint_every,
         spreading(jobs, scheduler, timeout),
         _onlookers(log, snapshots, out),
-        prepared=partial(write_config, context, save_config, overwrite=overwrite),
+        prepared=partial(write_config, context, save_config),
     )
 
 

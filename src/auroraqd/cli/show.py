@@ -31,7 +31,7 @@ def animate(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file given by --out if it exists.")] = False,
 ) -> None:
-    """Show a skill as an animation: the robot, if MuJoCo draws it; or the way of the puck or projectile, and the arm.
+    """Show a skill as an animation: the robot, if MuJoCo draws it; else the way that was observed, and the arm.
 
     The rows of diverse skills are in FOLDER/figures/skills.png.
 

@@ -30,6 +30,8 @@ def imported(module: str, name: str, n_genes: int | None = None) -> Any:
             raise ValueError(f"task {text} cannot be imported: {error}") from None
         raise ValueError(f"task {text}: there is no module {module}, neither installed nor in this folder") from None
     except AttributeError:
+        if getattr(sys.modules.get(module), "__file__", None) is None and os.path.isdir(module):  # a folder that is no package
+            raise ValueError(f"task {text}: {module} is a folder here, and no module: go there first, cd {module}") from None
         raise ValueError(f"task {text}: the module {module} has no {name}") from None
     except (Exception, SystemExit) as error:
         raise ValueError(f"task {text} cannot be imported: {type(error).__name__}: {error}") from None

@@ -83,14 +83,27 @@ def as_evaluation(result: Any, n: int) -> Evaluation:
     Raises:
         ValueError: it is no evaluation, or one of wrong shape, number of rows, or dtype.
     """
+    if isinstance(result, Mapping) and "fitness" in result:
+        raise ValueError(
+            "it must return a tuple of fitness, observation and optionally ground truth, and returned a dictionary with a fitness; "
+            "a dictionary is an observation of several streams"
+        )
     if _is_observation(result):
         result = np.zeros(n), result
     if not isinstance(result, tuple) or len(result) not in (2, 3):
         raise ValueError(
             "it must return a tuple of fitness, observation and optionally ground truth, or observations alone, (n, ...), "
-            f"got {type(result).__name__}" + (f" of {len(result)}" if isinstance(result, tuple) else "")
+            f"got {_came(result)}"
         )
     return checked(Evaluation(*result), n)
+
+
+def _came(result: Any) -> str:
+    if isinstance(result, tuple):
+        return f"tuple of {len(result)}"
+    if isinstance(result, np.ndarray) and result.ndim == 1:
+        return f"an array of shape {result.shape}: observations of one number each are observation[:, None]"
+    return type(result).__name__
 
 
 def _is_observation(result: Any) -> bool:
