@@ -355,7 +355,7 @@ def named(function):
 @pytest.mark.parametrize(
     ("result", "message"),
     [
-        (lambda g: np.zeros(len(g)), r"of shape \(200,\): observations of one number each are observation\[:, None\]"),
+        (lambda g: np.zeros(len(g)), r"of shape \(5,\): observations of one number each are observation\[:, None\]"),
         (lambda g: {"fitness": np.zeros(len(g)), "observation": g}, "a dictionary is an observation of several streams"),
         (lambda g: None, "got NoneType"),
         (lambda g: (np.zeros(len(g)),), "got tuple of 1"),

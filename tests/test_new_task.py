@@ -78,6 +78,10 @@ def test_names_that_are_none_for_a_module(tmp_path, name):
     [
         ("ballistic", "name ballistic is that of a task of auroraqd: choose another"),
         *(
+            (name, f"name {name} would stand for something else in the module or its tests")
+            for name in ("np", "simulate", "wheels", "len", "check_task", "tests", "test_it")
+        ),
+        *(
             (name, f"name {name} is that of another module")
             for name in ("numpy", "json", "auroraqd", "sys", "setup", "conftest")
         ),

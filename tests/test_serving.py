@@ -83,6 +83,12 @@ def test_a_page_of_another_name_that_leads_here_is_refused(served, host):
     assert asked(served, "/", Host=host)[0] == 403
 
 
+def test_an_address_that_is_none(served):
+    with socket.create_connection(served.server_address[:2], timeout=60) as connection:
+        connection.sendall(b"GET http://[/ HTTP/1.0\r\n\r\n")
+        assert b" 400 " in connection.recv(100)
+
+
 @pytest.mark.parametrize("host", ["localhost", "localhost:9999", "127.0.0.1"])
 def test_a_tunnel_may_have_another_port(served, host):
     assert asked(served, "/state", Host=host)[0] == 200

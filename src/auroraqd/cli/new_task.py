@@ -3,11 +3,14 @@
 The folder `skeleton` is one that works, called `my_task`: it is copied, and that name replaced.
 """
 
+import ast
+import builtins
 import importlib.util
 import keyword
 import re
 import shlex
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated
 
@@ -39,18 +42,32 @@ def new_task(
     console.print(f"Next: cd {there} && auroraqd run --config run.toml", highlight=False, soft_wrap=True)
 
 
+def _templates() -> list[Traversable]:
+    folder = resources.files("auroraqd.cli").joinpath("skeleton")
+    return sorted((file for file in folder.iterdir() if file.is_file()), key=lambda file: file.name)
+
+
 def _written(name: str, folder: Path) -> list[Path]:
     """The files, as they are written."""
     from auroraqd._files import folder_at, replacing
 
     folder_at(folder)
     paths = []
-    templates = [file for file in resources.files("auroraqd.cli").joinpath("skeleton").iterdir() if file.is_file()]
-    for template in sorted(templates, key=lambda file: file.name):
+    for template in _templates():
         paths.append(folder / template.name.replace(_PLACEHOLDER, name))
         with replacing(paths[-1]) as file:
             file.write(template.read_bytes().replace(_PLACEHOLDER.encode(), name.encode()))
     return paths
+
+
+def _words() -> set[str]:
+    """What things are called in the modules that are written."""
+    found: set[str] = set()
+    for template in _templates():
+        if template.name.endswith(".py"):
+            for node in ast.walk(ast.parse(template.read_bytes())):
+                found |= {str(getattr(node, kind, "")) for kind in ("id", "arg", "name", "asname")}
+    return found - {_PLACEHOLDER}
 
 
 def _check_name(name: str) -> None:
@@ -67,3 +84,5 @@ def _check_free(name: str) -> None:
     found = importlib.util.find_spec(name)
     if name in _OF_TOOLS or (found is not None and found.origin is not None):
         raise UserError(f"name {name} is that of another module, which would be in the way: choose another")
+    if name in _words() or hasattr(builtins, name) or name.startswith("test"):
+        raise UserError(f"name {name} would stand for something else in the module or its tests: choose another")

@@ -85,8 +85,8 @@ def as_evaluation(result: Any, n: int) -> Evaluation:
     """
     if isinstance(result, Mapping) and "fitness" in result:
         raise ValueError(
-            "it must return a tuple of fitness, observation and optionally ground truth, and returned a dictionary with a fitness; "
-            "a dictionary is an observation of several streams"
+            "it must return a tuple of fitness, observation and optionally ground truth, and returned a dictionary with a "
+            "fitness; a dictionary is an observation of several streams"
         )
     if _is_observation(result):
         result = np.zeros(n), result

@@ -170,7 +170,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer, if whoever asks may know."""
-        address = urlsplit(self.path)
+        try:
+            address = urlsplit(self.path)
+        except ValueError:
+            return self._send("the address is none", code=HTTPStatus.BAD_REQUEST)
         query = parse_qs(address.query)
         if not self._permitted(query.get("token", [""])[0]):
             return self._send("the address must be the one that `auroraqd explore --serve` printed", code=HTTPStatus.FORBIDDEN)
