@@ -233,7 +233,10 @@ def test_command_line(tmp_path):
         ("mine:number", "task mine:number must be a function, or an object that can be called, got 5"),
         ("mine:silent", "task mine:silent must say how many genes it has: write silent.n_genes = 8 in mine"),
         ("mine:failing", "task failing at generation 0 raised OSError: no motor"),
-        ("balistic", "task must be one of ballistic, air-hockey, or your own, written like mymodule:my_task, got 'balistic'"),
+        (
+            "balistic",
+            "task must be one of ballistic, air-hockey, air-hockey-camera, maze, or your own, written like mymodule:my_task, got 'balistic'",
+        ),
     ],
 )
 def test_tasks_that_are_none(tmp_path, task, message):

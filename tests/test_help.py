@@ -61,8 +61,8 @@ def test_names_that_are_completed_are_those_that_there_are():
     ("words", "completions"),
     [
         ("auroraqd r", {"run", "repeat", "resume", "reproduce"}),
-        ("auroraqd run ", {"ballistic", "air-hockey"}),
-        ("auroraqd run air", {"air-hockey"}),
+        ("auroraqd run ", {"ballistic", "air-hockey", "air-hockey-camera", "maze"}),
+        ("auroraqd run air", {"air-hockey", "air-hockey-camera"}),
         ("auroraqd run ballistic --archive cvt", {"cvt", "cvt-prior"}),
         ("auroraqd run ballistic --selection ", set(NAMES["selection"])),
         ("auroraqd run ballistic --save", {"--save-config"}),

@@ -168,7 +168,7 @@ def test_before_the_first_checkpoint_the_page_waits(tmp_path):
     followed = Followed(tmp_path, 1000)
     assert "has no skill yet" in followed.page()[0]
     assert followed.state() == {"checkpoint": "", "of": "", "trouble": ""}
-    auroraqd.save(auroraqd.Aurora(2, "genotype", seed=0), tmp_path)
+    auroraqd.save(begun(), tmp_path)
     assert "has no skill yet" in followed.page()[0]
     further(begun(), tmp_path)
     assert "data-checkpoint" in followed.page()[0]

@@ -92,7 +92,7 @@ def test_it_follows_a_run_and_ends_with_control_c(saved, tmp_path):
             until(b"what was read before is shown")
             task = auroraqd.tasks.Ballistic()
             further = auroraqd.Aurora(2, "hand-coded", seed=0, batch_size=50).run(task, generations=5)
-            auroraqd.save(further, tmp_path, config={"generations": 9})
+            auroraqd.save(further, tmp_path, config={"generations": 9}, overwrite=True)
             until(b"generation 5 of 9")
             process.send_signal(signal.SIGINT)
             assert process.wait(60) == 0
