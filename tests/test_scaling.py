@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from auroraqd.descriptors.scaling import Scaling, far_outside
+from auroraqd.descriptors.scaling import Scaling, far_outside, outlying
 
 observations = arrays(float, st.tuples(st.integers(1, 6), st.integers(1, 4), st.integers(1, 3)), elements=st.floats(-1e6, 1e6))
 
@@ -54,6 +54,20 @@ def test_what_is_far_outside_agrees_with_its_twin(seed, n, entries, outliers, si
     x = rng.normal(size=(n, entries, 2)) * rng.choice([0, 1], size=(n, 1, 1), p=[0.3, 0.7])
     x[rng.integers(n, size=outliers), 2, 1] += size
     assert_array_equal(far_outside(x), naive.far_outside(x.tolist()))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.sampled_from([0.0, 0.05, 0.3, 0.8]), st.sampled_from([30.0, 1e5]))
+def test_what_dwarfs_the_others_agrees_with_its_twin(seed, n, share, size):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(n, 4, 1)) * rng.choice([0, 1], size=(n, 1, 1), p=[0.3, 0.7])
+    x[rng.random(n) < share, 2] *= size
+    low, high = x.min(axis=(1, 2)), x.max(axis=(1, 2))
+    middle = np.median((low + high) / 2)
+    distance = np.maximum(high - middle, middle - low)
+    typical = sorted(distance)[int(0.75 * (n - 1))]
+    wanted = [n >= 20 and typical > 0 and one > 10000 * typical for one in distance]
+    assert outlying(x)[1].tolist() == wanted
+    assert_array_equal(outlying(x)[0], far_outside(x))
 
 
 def test_one_outlier_is_found_and_no_more():

@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -239,6 +240,22 @@ def test_one_outlier_does_not_decide_for_all():
     assert any(re.search(wanted, text) for text in told), told
     assert len(aurora.archive) > 400
     assert len(grown(False).archive) < 50  # by the rule of the paper
+
+
+def test_many_that_blow_up_are_said():
+    def task(genotypes):
+        observation = plane(genotypes)
+        observation[genotypes[:, 0] > 0.9] *= 1e6
+        return observation
+
+    wanted = (
+        r"of 200 observations have entries up to .*e\+06, ten thousand times as far out as three quarters .*NaN for them: eval"
+    )
+    with pytest.warns(UserWarning, match=wanted):
+        Aurora(2, PCA(n_components=2), seed=0).run(task, generations=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # by the rule of the paper nobody looks
+        Aurora(2, PCA(n_components=2), seed=0, robust=False, resolution=auroraqd.VAT(robust=False)).run(task, generations=1)
 
 
 @pytest.mark.filterwarnings("ignore:.* far outside the others", "ignore:no update of the descriptor")

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Mismatch
-from auroraqd.descriptors.scaling import far_outside
+from auroraqd.descriptors.scaling import outlying
 from auroraqd.individuals import Columns
 from auroraqd.observations import streams_of
 
@@ -103,16 +103,29 @@ def _fitted_on(individuals: Columns, robust: bool) -> Columns:
     streams = streams_of(x).values()
     if len(x) > 1 and all(np.array_equal(s[0], s[-1]) and (s == s[0]).all() for s in streams):
         raise RefusedUpdate(f"all {len(x):,} observations are the same, so there is nothing to learn a descriptor from")
-    far = far_outside(x) if robust else np.zeros(len(x), bool)
+    if not robust:
+        return individuals
+    far, dwarfing = outlying(x)
+    if (more := dwarfing & ~far).any():
+        warnings.warn(
+            f"{np.count_nonzero(more):,} of {len(x):,} observations have {_largest(x, more)}, ten thousand times as far out as "
+            "three quarters of the others, which are alike beside them. If their simulations blew up, return NaN for them: "
+            f"evaluation {_listed(individuals['born'][more])}",
+            stacklevel=6,
+        )
     if not far.any():
         return individuals
-    largest, count = max(np.abs(s[far].astype(np.float64)).max() for s in streams), np.count_nonzero(far)
+    count = np.count_nonzero(far)
     warnings.warn(
-        f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with entries up to "
-        f"{largest:.3g}, set aside for the fit: evaluation {_listed(individuals['born'][far])}. What is stored stays",
+        f"{count} of {len(x):,} observations {'lies' if count == 1 else 'lie'} far outside the others, with "
+        f"{_largest(x, far)}, set aside for the fit: evaluation {_listed(individuals['born'][far])}. What is stored stays",
         stacklevel=6,
     )
     return individuals.only("observation", "fitness").take(~far)
+
+
+def _largest(x: np.ndarray, which: np.ndarray) -> str:
+    return f"entries up to {max(np.abs(s[which].astype(np.float64)).max() for s in streams_of(x).values()):.3g}"
 
 
 def _listed(numbers: np.ndarray) -> str:

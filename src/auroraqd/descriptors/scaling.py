@@ -21,6 +21,8 @@ _TYPICAL = 0.99  # share of the individuals that say how large the others may be
 _FEWEST = 20  # individuals: of fewer nobody can say which is not like the others
 _BLOCK = 2**18  # bytes looked at together, which fit into a cache
 _FAR = 10.0  # times as far from the middle as `_TYPICAL` of the individuals
+_MOST = 0.75  # share of the individuals that are nearly alike beside others that are
+_DWARFING = 1e4  # times as far from the middle as they
 _FARTHEST = 1e4  # times as far as the range of those that were fitted on
 
 
@@ -30,26 +32,36 @@ def far_outside(observation: np.ndarray) -> np.ndarray:
     Far is ten times as far from the middle, the median over the observations of the middle of their own range, as 99 of 100
     observations get, in one channel. Where 99 of 100 do not leave the middle at all, nothing is far.
     """
+    return outlying(observation)[0]
+
+
+def outlying(observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Observations, (n, ..., channels), that are `far_outside`, (n,) bool; and those that dwarf the others, however many.
+
+    That is ten thousand times as far from the middle as three quarters of the observations get, in one channel.
+    """
     if has_streams(observation):
-        return np.logical_or.reduce([far_outside(stream) for stream in streams_of(observation).values()])
+        far, dwarfing = zip(*map(outlying, streams_of(observation).values()), strict=True)
+        return np.logical_or.reduce(far), np.logical_or.reduce(dwarfing)
     if len(observation) < _FEWEST or observation.dtype.itemsize == 1:  # pixels have no room for it
-        return np.zeros(len(observation), bool)
+        return np.zeros(len(observation), bool), np.zeros(len(observation), bool)
     rows = _by_channel(observation)
     low, high = _by_row(np.minimum, rows).astype(np.float64), _by_row(np.maximum, rows).astype(np.float64)
     middle = 2 * np.median(low / 4 + high / 4, axis=0)
     with np.errstate(over="ignore"):  # at the ends of float64: infinitely far is far
-        far = beyond(np.maximum(high - middle, middle - low), _FAR)
-    return np.asarray(far.any(axis=1))
+        distance = np.maximum(high - middle, middle - low)
+        far, dwarfing = beyond(distance, _FAR), beyond(distance, _DWARFING, _MOST)
+    return np.asarray(far.any(axis=1)), np.asarray(dwarfing.any(axis=1))
 
 
-def beyond(distance: np.ndarray, times: float) -> np.ndarray:
-    """(n, ...) bool: which of n distances are more than so many times as large as 99 of 100 of them are at most.
+def beyond(distance: np.ndarray, times: float, share: float = _TYPICAL) -> np.ndarray:
+    """(n, ...) bool: which of n distances are more than so many times as large as a share of them are at most.
 
-    None are where fewer than 20 are known, or 99 of 100 are 0.
+    None are where fewer than 20 are known, or where that share is 0.
     """
     if len(distance) < _FEWEST:
         return np.zeros(distance.shape, bool)
-    rank = int(_TYPICAL * (len(distance) - 1))  # never the last
+    rank = int(share * (len(distance) - 1))  # never the last
     typical = np.partition(distance, rank, axis=0)[rank]
     return (distance > times * typical) & (typical > 0)
 
