@@ -446,6 +446,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         return Data(scaler(x).astype(np.float32), None, targets, variance)
 
     def _scaler(self) -> Scaler:
+        """Without a limit: whether there is one is for those to say who describe."""
         return self.scaling_.unlimited().scaler(math.prod(self.observation_shape_))
 
     def _in_use(self) -> InUse:

@@ -166,8 +166,7 @@ class Descriptor:
         joined = observation if layout is None else flat(observation)
         shape = joined.shape[1:]
         if isinstance(self.source, str):
-            scaling = Scaling.of(observation)
-            return self.restored(scaling if limited else scaling.unlimited(), shape, layout)
+            return self.restored(Scaling.of(observation), shape, layout, limited=limited)
         transformer: Any = self._copied(self.source)
         raw = _reads_raw(transformer, shape, observation.dtype)
         scaling = None if raw else Scaling.of(observation, weights)
@@ -186,7 +185,7 @@ class Descriptor:
             # run that goes on from a file would take another course.
             transformer = self._copied(transformer)
         scaling = transformer.scaling_ if scaling is None else scaling
-        return Descriptor(transformer).restored(scaling if limited else scaling.unlimited(), shape, layout, raw)
+        return Descriptor(transformer).restored(scaling, shape, layout, raw, limited=limited)
 
     @staticmethod
     def _copied(transformer: Any) -> Any:
@@ -196,15 +195,22 @@ class Descriptor:
             raise DescriptorError(f"{type(transformer).__name__} could not be copied to be fitted anew: {error}") from error
 
     def restored(
-        self, scaling: Scaling, shape: tuple[int, ...], layout: Layout | None = None, raw: bool | None = None
+        self,
+        scaling: Scaling,
+        shape: tuple[int, ...],
+        layout: Layout | None = None,
+        raw: bool | None = None,
+        *,
+        limited: bool = True,
     ) -> "Descriptor":
         """The descriptor of a transformer that has been fitted on observations like these, scaled like this.
 
         Args:
             scaling, shape, layout: see the class.
             raw: whether the transformer scales them itself; None: as it says, `raw_`.
+            limited: False lifts the limit that the scaling has.
         """
-        features = math.prod(shape)
+        features, scaling = math.prod(shape), scaling if limited else scaling.unlimited()
         raw = bool(getattr(self.source, "raw_", False)) if raw is None else raw
         fitted = replace(self, scaling=scaling, shape=shape, layout=layout, scaler=scaling.scaler(features), raw=raw)
         if isinstance(self.source, str):

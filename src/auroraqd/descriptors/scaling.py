@@ -22,8 +22,7 @@ _FEWEST = 20  # individuals: of fewer nobody can say which is not like the other
 _BLOCK = 2**18  # bytes looked at together, which fit into a cache
 _FAR = 10.0  # times as far from the middle as `_TYPICAL` of the individuals
 _MOST = 0.75  # share of the individuals that are nearly alike beside others that are
-_DWARFING = 1e4  # times as far from the middle as they
-_FARTHEST = 1e4  # times as far as the range of those that were fitted on
+_FARTHEST = 1e4  # times as far: what is, makes all others alike, and later ones do not count as farther
 
 
 def far_outside(observation: np.ndarray) -> np.ndarray:
@@ -50,7 +49,7 @@ def outlying(observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     middle = 2 * np.median(low / 4 + high / 4, axis=0)
     with np.errstate(over="ignore"):  # at the ends of float64: infinitely far is far
         distance = np.maximum(high - middle, middle - low)
-        far, dwarfing = beyond(distance, _FAR), beyond(distance, _DWARFING, _MOST)
+        far, dwarfing = beyond(distance, _FAR), beyond(distance, _FARTHEST, _MOST)
     return np.asarray(far.any(axis=1)), np.asarray(dwarfing.any(axis=1))
 
 
