@@ -2,13 +2,14 @@
 
 import signal
 import threading
+from contextlib import nullcontext
 
 import pytest
 from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd import _interrupts
-from auroraqd._interrupts import uninterrupted
+from auroraqd._interrupts import relayed, uninterrupted
 
 INT, TERM = signal.SIGINT, signal.SIGTERM
 
@@ -54,8 +55,9 @@ def test_also_when_it_is_left_by_an_error(handled):
     assert handled == [INT]
 
 
-@pytest.mark.parametrize("when", range(12))
-def test_one_that_comes_while_handlers_are_restored(when, handled, monkeypatch):
+@pytest.mark.parametrize("around", [nullcontext, relayed])
+@pytest.mark.parametrize("when", range(14))
+def test_one_that_comes_while_handlers_are_restored(around, when, handled, monkeypatch):
     """At any call of the module that changes something."""
     handlers = [signal.getsignal(number) for number in (INT, TERM)]
     real, calls = _interrupts._signal, []
@@ -70,7 +72,7 @@ def test_one_that_comes_while_handlers_are_restored(when, handled, monkeypatch):
 
     monkeypatch.setattr(_interrupts, "_signal", Interrupting())
     try:
-        with uninterrupted():
+        with around(), uninterrupted():
             pass
     except SystemExit:
         pass
@@ -79,6 +81,40 @@ def test_one_that_comes_while_handlers_are_restored(when, handled, monkeypatch):
     signal.raise_signal(INT)
     assert INT in handled
     assert _interrupts._depth == 0
+
+
+def test_relayed_signals_are_handled_at_once_but_in_a_block(handled):
+    before = signal.getsignal(INT)
+    with relayed():
+        signal.raise_signal(INT)
+        assert handled == [INT]
+        for _ in range(2):
+            with uninterrupted():
+                signal.raise_signal(INT)
+                assert len(handled) % 2 == 1
+            signal.raise_signal(INT)
+        assert handled == [INT] * 5
+        with pytest.raises(SystemExit), uninterrupted():
+            signal.raise_signal(INT)
+            signal.raise_signal(TERM)
+    assert sorted(handled) == [INT] * 6 + [TERM]
+    assert signal.getsignal(INT) is before
+
+
+def test_a_handler_that_is_set_in_a_run_stays_and_is_held_back(handled):
+    mine = []
+
+    def set_mine(aurora):
+        signal.signal(INT, lambda number, frame: mine.append(aurora.generation))
+        with uninterrupted():
+            signal.raise_signal(INT)
+            assert len(mine) == 0
+        return True
+
+    aurora = auroraqd.Aurora(2, "genotype", batch_size=20, seed=0)
+    aurora.run(auroraqd.tasks.Ballistic(), generations=2, callback=set_mine)
+    signal.raise_signal(INT)
+    assert (mine, handled) == ([1, 1], [])
 
 
 def test_an_interrupt_behind_an_error_is_one():

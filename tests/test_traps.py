@@ -81,7 +81,10 @@ class Latest(auroraqd.Archive):
 def test_a_minimal_archive(tmp_path):
     aurora = made(PCA(2), archive=Latest(70), schedule=auroraqd.Every(2)).run(robot, generations=10)
     assert len(aurora.archive) == 70
-    assert np.isnan(aurora.history.last.l)
+    last = aurora.history.last
+    assert np.isnan(last.l)
+    assert (last.new, last.new + last.replaced + last.rejected + last.invalid) == (70, aurora.evaluations)
+    assert aurora.latest[1].status.dtype == np.int8  # whatever whole numbers `place` returned
     folder = auroraqd.save(aurora, tmp_path)
     again = auroraqd.resume(folder, archive=Latest(70))
     twin = copy.deepcopy(aurora)

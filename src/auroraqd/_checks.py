@@ -218,7 +218,7 @@ def check_genotypes(must: str, genotypes: np.ndarray, shape: tuple[int, ...]) ->
     """Raise ValueError unless genotypes have this shape and are in [0, 1]; `must`: who must what, "variation must return"."""
     if genotypes.shape != shape:
         raise ValueError(f"{must} genotypes of shape {shape}, got {genotypes.shape}")
-    if not (genotypes.min() >= 0 and genotypes.max() <= 1):
+    if not (np.minimum.reduce(genotypes, axis=None) >= 0 and np.maximum.reduce(genotypes, axis=None) <= 1):  # as min, faster
         outside = genotypes[~((genotypes >= 0) & (genotypes <= 1))]
         raise ValueError(f"{must} genotypes in [0, 1], got {outside[0]:g}")
 

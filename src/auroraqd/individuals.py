@@ -123,7 +123,7 @@ class Columns(Mapping[str, np.ndarray]):
     def chosen(self, rows: np.ndarray) -> Columns:
         """As `take`, but an array is copied when it is asked for: until then, the arrays of these must not change."""
         if rows.dtype == bool:
-            if rows.all():
+            if np.count_nonzero(rows) == len(rows):  # a tenth of the time of `all`
                 return self
             rows = np.flatnonzero(rows)
         chosen = Columns({})

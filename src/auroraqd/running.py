@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from auroraqd._checks import number, whole
+from auroraqd._interrupts import relayed
 from auroraqd.callbacks.base import Callbacks
 from auroraqd.tasks import Evaluation, TaskError, evaluated, name_of
 
@@ -27,7 +28,7 @@ def run(
     if how is not None:
         warnings.warn(f"{how} since the run was saved: what is found from now on may not go with the rest", stacklevel=3)
     before = aurora.evaluations
-    with _shown(aurora, budget) if progress else nullcontext() as show:
+    with relayed(), _shown(aurora, budget) if progress else nullcontext() as show:
         both = callbacks if show is None else callbacks.and_then(show)
         both.start(aurora)
         try:

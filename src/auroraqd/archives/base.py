@@ -267,9 +267,10 @@ class Archive(Individuals, ABC):
             return self._insert(batch, valid & finite_rows(batch["descriptor"]))
 
     def _insert(self, batch: Columns, valid: np.ndarray) -> Info:
-        if not valid.any():
+        sound = np.count_nonzero(valid)
+        if sound == 0:
             return Info.none(batch.rows)
-        return self._insert_valid(batch) if valid.all() else self._insert_valid(batch.chosen(valid)).among(valid)
+        return self._insert_valid(batch) if sound == batch.rows else self._insert_valid(batch.chosen(valid)).among(valid)
 
     def _insert_valid(self, batch: Columns) -> Info:
         size, n = len(self), batch.rows
@@ -279,7 +280,7 @@ class Archive(Individuals, ABC):
             self._population = Population(batch)
             self.reindex()
         status, row, evicted = self._decide(batch)
-        row = np.array(row, np.int64)
+        status, row = np.asarray(status, np.int8), np.array(row, np.int64)
         # From here on each has its place, and nothing may fail.
         self._population.reserve(size + int(np.count_nonzero(status == NEW)))
         self._where.reserve(self._next_id + n)

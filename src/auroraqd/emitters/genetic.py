@@ -47,7 +47,8 @@ class Genetic:
         n_parents = getattr(self.variation, "n_parents", 1)
         wanted = n * n_parents
         rows = np.asarray(self.selection(archive, wanted, rng))
-        if rows.shape != (wanted,) or rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= len(archive):
+        sound = rows.shape == (wanted,) and rows.dtype.kind in "iu"
+        if not (sound and np.minimum.reduce(rows) >= 0 and np.maximum.reduce(rows) < len(archive)):
             raise ValueError(f"selection must return ({wanted},) rows of the archive, got shape {rows.shape} of {rows.dtype}")
         if n_parents > 1:
             rows = rows.reshape(n, n_parents)
