@@ -2,20 +2,31 @@
 
 Of the documents: blocks of `python`, one after the other as scripts; the lines of `bash` that call `auroraqd`, but for
 experiments; and blocks with a file's name as caption, which are written to it. Blocks of `py` and `shell` need machines that
-are not here, or hours.
+are not here, or hours: their syntax is looked at, and that each command, option, file and extra that they name is there.
 """
 
+import ast
+import os
 import re
 import shlex
+import signal
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
 import commands
 import pytest
+import typer
+
+import auroraqd
+from auroraqd import cli
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|bash|\{code-block\} python\n:caption: (\S+))\n(.*?)^```", re.DOTALL | re.MULTILINE)
+ELSEWHERE = re.compile(r"^```(py|shell)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 SMALL = 20  # generations, where a document says hundreds
 
 
@@ -77,6 +88,70 @@ def test_what_documents_say(document, tmp_path):
             (tmp_path / kind).write_text(text)
             continue
         assert done.returncode == 0, f"{text}\n{done.stderr}"
+
+
+def elsewhere(kind):
+    """Blocks that cannot run here, and where they are."""
+    return [
+        pytest.param(block, id=f"{document.relative_to(ROOT)}:{document.read_text()[: found.start()].count(chr(10)) + 1}")
+        for document in DOCUMENTS
+        for found in ELSEWHERE.finditer(document.read_text())
+        if found[1] == kind and (block := found[2])
+    ]
+
+
+@pytest.mark.parametrize("block", elsewhere("py"))
+def test_blocks_for_other_machines_are_python(block):
+    assert ast.parse(block).body
+
+
+@pytest.mark.parametrize("block", elsewhere("shell"))
+def test_what_shell_blocks_name_is_there(block):
+    assert subprocess.run(["bash", "-n"], input=block, text=True, check=False).returncode == 0
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for line in re.split(r"\n|&&", block.replace("\\\n", " ")):
+        match shlex.split(line, comments=True):
+            case ["auroraqd", *words] | ["exec", "auroraqd", *words]:
+                assert_command_exists(words)
+            case ["python", file, *words]:
+                script = ROOT / file / "__main__.py" if (ROOT / file).is_dir() else ROOT / file
+                options = [word for word in words if word.startswith("--")]
+                assert [option for option in options if f'"{option}"' not in script.read_text()] == []
+            case ["pip", "install", *_, wanted] if "[" in wanted:
+                assert set(re.findall(r"\w+", wanted.partition("[")[2])) <= set(extras)
+            case ["pytest", *words]:
+                assert [word for word in words if word.startswith("tests/") and not (ROOT / word).exists()] == []
+
+
+def assert_command_exists(words):
+    """What `auroraqd *words` is asked to do, there is, with these options."""
+    group = typer.main.get_command(cli.app)
+    if words[0].startswith("-"):
+        assert words[0] in {name for option in group.params for name in (*option.opts, *option.secondary_opts)}
+    else:
+        command = group.commands[words[0]]
+        command.make_context(words[0], words[1:])  # raises of an option that there is not
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a batch script")
+def test_the_batch_script_for_slurm(tmp_path):
+    """With one worker, started by a stand-in for `srun`."""
+    [script] = [block for _, block in ELSEWHERE.findall((ROOT / "docs/tutorials/cluster.md").read_text()) if "#SBATCH" in block]
+    script = script.replace("auroraqd run air-hockey", f"auroraqd run air-hockey --generations {SMALL} --no-figures")
+    (tmp_path / "srun").write_text('#!/bin/sh\nexec "$@"\n')
+    (tmp_path / "srun").chmod(0o755)
+    path = os.pathsep.join([str(tmp_path), str(Path(sys.executable).parent), os.environ["PATH"]])
+    with (tmp_path / "log").open("w") as log:
+        environment = {**os.environ, "PATH": path}
+        job = subprocess.Popen(
+            ["bash", "-c", script], cwd=tmp_path, env=environment, stdout=log, stderr=log, start_new_session=True
+        )
+    try:
+        code = job.wait(180)
+    finally:
+        os.killpg(job.pid, signal.SIGKILL)  # as Slurm does with what is left of a job
+    assert code == 0, (tmp_path / "log").read_text()
+    assert auroraqd.load(tmp_path / "runs/hockey").history.last.generation == SMALL
 
 
 def test_links_in_documents_lead_somewhere():

@@ -31,16 +31,19 @@ def handled():
         signal.signal(number, handler)
 
 
-def test_they_are_handled_when_the_block_is_left(handled):
-    def both():
+def both(handled):
+    """Each signal once; nothing is handled meanwhile."""
+    before = list(handled)
+    with uninterrupted():
         with uninterrupted():
-            with uninterrupted():
-                signal.raise_signal(TERM)
-                signal.raise_signal(INT)
-            assert handled == []
+            signal.raise_signal(TERM)
+            signal.raise_signal(INT)
+        assert handled == before
 
+
+def test_they_are_handled_when_the_block_is_left(handled):
     with pytest.raises(SystemExit):
-        both()
+        both(handled)
     assert sorted(handled) == [INT, TERM]  # both, though the first to be handled may raise
 
 
@@ -94,9 +97,8 @@ def test_relayed_signals_are_handled_at_once_but_in_a_block(handled):
                 assert len(handled) % 2 == 1
             signal.raise_signal(INT)
         assert handled == [INT] * 5
-        with pytest.raises(SystemExit), uninterrupted():
-            signal.raise_signal(INT)
-            signal.raise_signal(TERM)
+        with pytest.raises(SystemExit):
+            both(handled)
     assert sorted(handled) == [INT] * 6 + [TERM]
     assert signal.getsignal(INT) is before
 
