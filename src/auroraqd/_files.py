@@ -2,10 +2,16 @@
 
 import contextlib
 import csv
+import math
+import mmap
 import os
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
+
+import numpy as np
 
 from auroraqd._checks import shown
 
@@ -83,6 +89,32 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Any]:
         raise
     if lasting:
         _sync_folder(path.parent)
+
+
+def mapped(folder: Path, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    """An array in a file of a folder instead of memory. The file has no name, and goes when the array does.
+
+    Raises:
+        OSError: there cannot be such a file, or the disk has not the room.
+    """
+    size = math.prod(shape) * dtype.itemsize
+    if size == 0:
+        return np.empty(shape, dtype)
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            if hasattr(os, "posix_fallocate"):  # where a disk that is full would else end the process when it is written to
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                file.truncate(size)
+            memory = mmap.mmap(file.fileno(), size)
+    except OSError as error:
+        raise told(error, f"{folder} has no room for {size:,} bytes of observations") from None
+    return np.frombuffer(memory, dtype).reshape(shape)
+
+
+def room_in(folder: str | os.PathLike) -> Callable[[tuple[int, ...], np.dtype], np.ndarray]:
+    """Makes arrays for observations in a folder, which is created if needed; see `mapped`."""
+    return partial(mapped, folder_at(as_path("observations", folder).absolute()))
 
 
 def _sync_folder(folder: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 import time
 import warnings
 import zlib
@@ -87,6 +88,8 @@ class Aurora:
             before it stays (`auroraqd.control.update`). 0: none is refused for that.
         robust: whether observations far outside all others, one in a hundred at most, are set aside, with a warning, when the
             descriptor and its scaling are fitted (`auroraqd.descriptors.scaling.far_outside`). False is the rule of the paper.
+        observations: a folder on a disk that is fast, for the observations of the archive while the run goes on, where they are
+            too many for memory; see `Archive.keep_observations`. None: in memory.
 
     Attributes:
         archive: what has been found.
@@ -95,6 +98,7 @@ class Aurora:
         history: a `Record` for each generation.
 
     Raises:
+        OSError: the folder for observations cannot be written.
         TypeError, ValueError: an argument is of the wrong kind or out of range.
 
     Examples:
@@ -126,6 +130,7 @@ class Aurora:
         prior: ArrayLike | None = None,
         survival: float = SURVIVAL,
         robust: bool = True,
+        observations: str | os.PathLike | None = None,
     ) -> None:
         self.n_genes = whole("n_genes", n_genes, most=_MOST)
         self.batch_size = whole("batch_size", batch_size, most=_MOST)
@@ -171,6 +176,8 @@ class Aurora:
         self._next_task: dict[str, Any] | None = None  # of a run that has begun, until something of it is told
         self._earlier_task: dict[str, Any] | None = None  # of a run that was resumed, until it goes on
         self._made: dict[str, Any] | None = None  # by which commands, and when, as `auroraqd.provenance` has it; when saved
+        if observations is not None:
+            self.archive.keep_observations(observations)
 
     def __repr__(self) -> str:
         return f"Aurora(generation={self.generation}, evaluations={self.evaluations}, archive={self.archive!r})"

@@ -8,6 +8,7 @@ Fitness is maximised. Columns share their rows: row i of `genotype`, `fitness`, 
 
 from __future__ import annotations
 
+import os
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -18,9 +19,10 @@ from numpy.typing import ArrayLike
 
 from auroraqd._checks import mapping, numbers, numeric, shown, whole, whole_numbers
 from auroraqd._compiled import compiled
+from auroraqd._files import room_in
 from auroraqd._interrupts import uninterrupted
 from auroraqd._notebooks import card, facts_of
-from auroraqd.archives.population import Population, Rows
+from auroraqd.archives.population import Population, Room, Rows
 from auroraqd.individuals import KNOWN, Columns, Individuals, check_dimensions, check_like, measured, stored
 from auroraqd.observations import finite_rows
 
@@ -108,6 +110,7 @@ class Archive(Individuals, ABC):
     own: ClassVar[Mapping[str, type]] = {}
 
     def __init__(self) -> None:
+        self._room: Room = np.empty
         self._population = Population()
         self._next_id = 0
         self._where = Rows()
@@ -119,6 +122,20 @@ class Archive(Individuals, ABC):
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self._lock = threading.RLock()
+
+    def keep_observations(self, folder: str | os.PathLike) -> None:
+        """Have the observations in files of a folder, instead of memory. They have no names, and go with this archive.
+
+        It is for those that are too many for memory, on a disk that is fast. They are read as they are from memory.
+
+        Raises:
+            OSError: there cannot be such files, or the disk has not the room; nothing has changed.
+            TypeError, ValueError: the folder is no path.
+        """
+        room = room_in(folder)
+        with self._lock, uninterrupted():
+            self._population.move(room)
+            self._room = room
 
     @abstractmethod
     def place(self, batch: Columns) -> Placement:
@@ -205,7 +222,7 @@ class Archive(Individuals, ABC):
         held = held | {name: np.zeros(held.rows, kind) for name, kind in self.own.items() if name not in held}
         with self._lock, uninterrupted():
             self._next_id, self._where = next_id, where
-            self._population = Population(held) if held.rows else Population()
+            self._population = Population(held if held.rows else Columns({}), self._room)
             self._population.reserve(held.rows)
             self._population.write(np.arange(held.rows), held if held.rows else Columns({}), held.rows)
             self.reindex()
@@ -277,13 +294,17 @@ class Archive(Individuals, ABC):
         zeros = {"curiosity": np.zeros(n), **{name: np.zeros(n, kind) for name, kind in self.own.items()}}
         batch = batch | {**zeros, "id": np.arange(self._next_id, self._next_id + n)}  # there may be fewer in the end
         if size == 0:
-            self._population = Population(batch)
+            self._population = Population(batch, self._room)
             self.reindex()
         status, row, evicted = self._decide(batch)
         status, row = np.asarray(status, np.int8), np.array(row, np.int64)
+        try:
+            self._population.reserve(size + int(np.count_nonzero(status == NEW)))
+            self._where.reserve(self._next_id + n)
+        except BaseException:  # there is no memory, or the disk is full
+            self.reindex()
+            raise
         # From here on each has its place, and nothing may fail.
-        self._population.reserve(size + int(np.count_nonzero(status == NEW)))
-        self._where.reserve(self._next_id + n)
         ids, stored = self._population.raw("id"), self._population.raw("fitness")
         fitness, gain = np.ascontiguousarray(batch["fitness"]), np.full(n, np.nan)
         # Which writes id and fitness; the rest follows.

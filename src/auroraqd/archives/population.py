@@ -1,13 +1,16 @@
 """The columns of an archive in memory: contiguous, grown by doubling, without sentinels (a row exists or it does not).
 
-Columns take their shape and dtype from the first individuals, so images stay uint8.
+Columns take their shape and dtype from the first individuals, so images stay uint8. The observations may be in a file.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import numpy as np
 
 from auroraqd.individuals import Columns
+
+Room = Callable[[tuple[int, ...], np.dtype], np.ndarray]
+"""Makes an array of a shape and a dtype, whatever is in it."""
 
 
 class Population:
@@ -17,11 +20,27 @@ class Population:
 
     Args:
         like: the columns it is to have, of any rows.
+        room: for the observations.
     """
 
-    def __init__(self, like: Columns = Columns({})):
+    def __init__(self, like: Columns = Columns({}), room: Room = np.empty):
         self._columns = {name: np.empty((0, *rows.shape[1:]), rows.dtype) for name, rows in like.items()}
+        self._room = room
         self._size = 0
+
+    def _new(self, name: str, rows: int) -> np.ndarray:
+        """An array for a column, for this many rows."""
+        column = self._columns[name]
+        return (self._room if name == "observation" else np.empty)((rows, *column.shape[1:]), column.dtype)
+
+    def move(self, room: Room) -> None:
+        """Have the observations elsewhere. Columns are as they were."""
+        if "observation" in self._columns:
+            column = self._columns["observation"]
+            moved = room(column.shape, column.dtype)
+            moved[: self._size] = column[: self._size]
+            self._columns["observation"] = moved
+        self._room = room
 
     def __len__(self) -> int:
         return self._size
@@ -54,7 +73,7 @@ class Population:
         """Make room for this many rows in all."""
         for name, column in self._columns.items():
             if rows > len(column):
-                grown = np.empty((max(rows, 2 * len(column), 16), *column.shape[1:]), column.dtype)
+                grown = self._new(name, max(rows, 2 * len(column), 16))
                 grown[: self._size] = column[: self._size]
                 self._columns[name] = grown
 
@@ -67,9 +86,9 @@ class Population:
     def renew(self, source: np.ndarray) -> None:
         """As `gather`, into new arrays with as much room: who holds views of those before sees what there was."""
         for name, column in self._columns.items():
-            room = np.empty_like(column)
-            np.take(column, source, axis=0, out=room[: len(source)], mode="clip")  # "raise" would copy once more
-            self._columns[name] = room
+            renewed = self._new(name, len(column))
+            np.take(column, source, axis=0, out=renewed[: len(source)], mode="clip")  # "raise" would copy once more
+            self._columns[name] = renewed
         self._size = len(source)
 
     def set(self, name: str, rows: np.ndarray) -> None:

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,6 +22,10 @@ errors = Console(stderr=True, soft_wrap=True, markup=False, emoji=False)
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the run folder if it exists.")]
 JobsOption = Annotated[
     int | None, typer.Option(help="Processes that evaluate; the result is the same. [default: none but this]")
+]
+ObservationsOption = Annotated[
+    Path | None,
+    typer.Option(help="Folder, on a fast disk, for what was observed, where that is too much for memory. [default: in memory]"),
 ]
 TimeoutOption = Annotated[
     float | None, typer.Option(help="Seconds that an individual may take, with --jobs or --scheduler. [default: no limit]")

@@ -15,6 +15,7 @@ from auroraqd.cli._shared import (
     FiguresOption,
     JobsOption,
     LogOption,
+    ObservationsOption,
     OverwriteOption,
     SchedulerOption,
     SnapshotsOption,
@@ -134,6 +135,7 @@ def run(
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
+    observations: ObservationsOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     log: LogOption = None,
     snapshots: SnapshotsOption = True,
@@ -179,6 +181,7 @@ def run(
         checkpoint_every,
         spreading(jobs, scheduler, timeout),
         _onlookers(log, snapshots, out),
+        observations=observations,
         prepared=partial(write_config, context, save_config),
     )
 
@@ -226,6 +229,7 @@ def resume(
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
     timeout: TimeoutOption = None,
+    observations: ObservationsOption = None,
     checkpoint_every: CheckpointOption = 10.0,
     log: LogOption = None,
     snapshots: SnapshotsOption = True,
@@ -242,7 +246,10 @@ def resume(
 
     logs, spread_over = _onlookers(log, snapshots, folder), spreading(jobs, scheduler, timeout)
     if not is_of_settings(config := folders.load_config(folder)):  # it was saved from Python
-        found, aurora, plan = _saved_from_python(folder, config, generations, task, trusted or (), any_environment)
+        loaded = partial(
+            folders.resume, folder, trusted=trusted or (), any_environment=any_environment, observations=observations
+        )
+        found, aurora, plan = _saved_from_python(folder, config, generations, task, loaded)
         return grow(found, aurora, plan, folder, figures, checkpoint_every, spread_over, logs)
     if task is not None or trusted:
         raise UserError(f"--task and --trusted are for runs that were saved from Python, and {folder} says what it needs")
@@ -251,10 +258,11 @@ def resume(
         settings = replace(settings, generations=generations)
     with busy("loading"), warnings_said():
         if any((folder / name).is_file() for name in (folders.REPERTOIRE, folders.PREVIOUS)):
-            found, aurora = settings.build_task(), folders.resume(folder, any_environment=any_environment)
+            found = settings.build_task()
+            aurora = folders.resume(folder, any_environment=any_environment, observations=observations)
             aurora.run(found, generations=0)  # says so if the code of the task has changed
         else:  # it ended before its first checkpoint
-            found, aurora = settings.build()
+            found, aurora = settings.build(observations)
     differ = _differences(settings, aurora) + (folders.changed(folder, settings.as_json()) if aurora.generation else [])
     differ = list({text.split()[0]: text for text in reversed(differ)}.values())
     if differ:
@@ -268,10 +276,9 @@ def _saved_from_python(
     config: dict[str, Any],
     generations: int | None,
     task: str | None,
-    trusted: Sequence[str],
-    any_environment: bool,
+    loaded: "Callable[[], Aurora]",
 ) -> "tuple[Any, Aurora, Plan]":
-    """Task, run, and what else there is to know of a run that `auroraqd.save` or `Checkpoints` left."""
+    """Task, run, and what else there is to know of a run that `auroraqd.save` or `Checkpoints` left, and a call loads."""
     from auroraqd.experiments import Settings
     from auroraqd.experiments.settings import task_of
     from auroraqd.runs import folders
@@ -283,7 +290,7 @@ def _saved_from_python(
             "--task mymodule:my_task, or go on with it from Python, by auroraqd.resume"
         )
     with busy("loading"), warnings_said():
-        aurora = folders.resume(folder, trusted=trusted, any_environment=any_environment)
+        aurora = loaded()
         try:
             found = Settings(task=named).build_task(aurora.n_genes)
         except ValueError as error:
@@ -373,12 +380,13 @@ def _run(
     logs: Sequence[Any] = (),
     *,
     events: Any = None,
+    observations: Path | None = None,
     prepared: Callable[[], None] = lambda: None,
 ) -> None:
     """Build a run and let it grow; `prepared` is called in between."""
     _check_free(out, overwrite)
     with busy("preparing"):
-        task, aurora = settings.build()
+        task, aurora = settings.build(observations)
     prepared()
     grow(task, aurora, Plan.of(settings), out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
 

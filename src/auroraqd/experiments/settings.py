@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -270,10 +271,14 @@ class Settings:
         """Whether selection and variation make the offspring, and no other emitter."""
         return isinstance(self.emitter, Genetic)
 
-    def build(self) -> tuple[Any, Aurora]:
+    def build(self, observations: Path | None = None) -> tuple[Any, Aurora]:
         """The task, and an Aurora at generation 0.
 
+        Args:
+            observations: a folder for them; see `Aurora`.
+
         Raises:
+            OSError: the folder cannot be written.
             ValueError: a setting is out of range.
         """
         task = self.build_task()
@@ -291,6 +296,7 @@ class Settings:
             prior=self._prior(task),
             survival=self.survival,
             robust=self.robust,
+            observations=observations,
         )
         return task, aurora
 

@@ -37,14 +37,18 @@ def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str, *,
     """
     contiguous = {name: np.ascontiguousarray(array) for name, array in _apart(arrays).items()}
     # One entry of metadata: of several, safetensors does not keep the order.
-    content = bytearray(save({**contiguous, _CHECKSUM: np.zeros(_DIGEST, np.uint8)}, {form: text}))
-    content[_place(content, _header(content))] = _digest(content)
+    content = save({**contiguous, _CHECKSUM: np.zeros(_DIGEST, np.uint8)}, {form: text})
+    place = _place(content, _header(content))
     with replacing(path, lasting=lasting) as file:
-        file.write(content)
+        file.write(memoryview(content)[: place.start])
+        file.write(_digest(content, place))
+        file.write(memoryview(content)[place.stop :])
 
 
 def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:
     """The arrays of a file, by name, and the text with them.
+
+    It takes twice the memory of the arrays for a moment.
 
     Raises:
         ValueError: it is damaged, or of another format.
@@ -52,17 +56,15 @@ def read(path: Path, form: str) -> tuple[dict[str, np.ndarray], str]:
     """
     try:
         _check_size(path)
-        content = bytearray(path.read_bytes())
+        content = path.read_bytes()
         header = _header(content)
         metadata = header.get("__metadata__", {})
         if form not in metadata:
             raise _OtherFormat(f"{path} must be of the format {form!r}, got one with the metadata {metadata}")
         place = _place(content, header)
-        digest = bytes(content[place])
-        content[place] = bytes(_DIGEST)
-        if digest != _digest(content):
+        if content[place] != _digest(content, place):
             raise ValueError("its checksum is wrong")
-        arrays = load(bytes(content))
+        arrays = load(content)
     except _OtherFormat:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, SafetensorError) as error:
@@ -117,7 +119,7 @@ class _OtherFormat(ValueError):
     """A file that may be whole, but is not what it should be."""
 
 
-def _header(content: bytearray) -> dict:
+def _header(content: bytes) -> dict:
     """What is at the beginning of a safetensors file: its length in eight bytes, then JSON."""
     length = int.from_bytes(content[:8], "little")
     if len(content) < 8 + length:
@@ -138,7 +140,7 @@ def _check_size(path: Path) -> None:
         raise ValueError(f"it has {size:,} bytes, and not {8 + length + max(ends, default=0):,}")
 
 
-def _place(content: bytearray, header: dict) -> slice:
+def _place(content: bytes, header: dict) -> slice:
     """Where the checksum is."""
     if _CHECKSUM not in header:
         raise ValueError("it has no checksum")
@@ -149,5 +151,9 @@ def _place(content: bytearray, header: dict) -> slice:
     return slice(data + begin, data + end)
 
 
-def _digest(content: bytearray) -> bytes:
-    return hashlib.blake2b(content, digest_size=_DIGEST).digest()
+def _digest(content: bytes, place: slice) -> bytes:
+    """The checksum, with zeros where it is."""
+    digest, whole = hashlib.blake2b(digest_size=_DIGEST), memoryview(content)
+    for part in (whole[: place.start], bytes(_DIGEST), whole[place.stop :]):
+        digest.update(part)
+    return digest.digest()

@@ -4,7 +4,7 @@ import gc
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,6 +16,7 @@ from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
 from auroraqd.emitters.base import EmitterError
 from auroraqd.runs import _transformers, folders
+from auroraqd.runs._parts import Part
 
 LOCK = ".lock"
 _SHARE = 0.02  # of the time of a run, at most, for checkpoints between its beginning and its end
@@ -77,6 +78,7 @@ class Checkpoints:
         self._first = False  # whether there was nothing in the folder
         self._next = 0.0
         self._saved: tuple[object, ...] | None = None
+        self._parts: Sequence[Part] = ()
 
     def __enter__(self) -> "Checkpoints":
         if self._lock.is_locked:
@@ -134,9 +136,7 @@ class Checkpoints:
 
     def _save(self) -> None:
         with _collector_waiting():
-            folders.write(self.aurora, self.folder, self._config, keep=self._keep)
-        if not self._keep:
-            (self.folder / folders.PREVIOUS).unlink(missing_ok=True)  # of the run that was there
+            self._parts = folders.write(self.aurora, self.folder, self._config, keep=self._keep, parts=self._parts)
         self._keep = True
         self._saved = self._now()
 

@@ -5,6 +5,7 @@
     repertoire.safetensors            a checkpoint: the columns of the archive, the descriptor they were found with, and all
                                       else that the run needs to go on; with a checksum
     repertoire.previous.safetensors   the checkpoint before it, while there is one
+    observations/                     the observations of both, where they are large, in files of their own
     snapshots/                        some of the skills at each update of the descriptor (`auroraqd.runs.snapshots`)
     figures/                          pictures
 
@@ -29,7 +30,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from auroraqd._checks import flag, function, instance, mapping, shown
-from auroraqd._files import as_path, folder_at, read_table, replacing, text_of
+from auroraqd._files import as_path, folder_at, read_table, replacing, room_in, text_of
 from auroraqd.archives.base import Archive
 from auroraqd.aurora import Aurora
 from auroraqd.descriptors.descriptor import NAMES, OBSERVATION, Descriptor, Transformer
@@ -38,7 +39,7 @@ from auroraqd.history import History, Record
 from auroraqd.individuals import KNOWN
 from auroraqd.provenance import made_again, made_by, task_in
 from auroraqd.repertoire import Repertoire
-from auroraqd.runs import _tensors, _transformers
+from auroraqd.runs import _parts, _tensors, _transformers
 from auroraqd.runs._saved import as_layout, check_arrays, check_values
 from auroraqd.runs.state import State, is_of, restored, settings_of, state_of
 
@@ -84,7 +85,6 @@ def save(
     check_config(config)
     goes_on(aurora, folder, flag("overwrite", overwrite))
     write(aurora, folder, config)
-    (folder / PREVIOUS).unlink(missing_ok=True)  # it may be of another run
     return folder
 
 
@@ -110,17 +110,38 @@ def _checked_trust(trusted: Any) -> list[str]:
     return list(trusted)
 
 
-def write(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None, *, keep: bool = False) -> None:
-    """As `save`; if `keep`, the checkpoint that is there becomes the one before."""
+def write(
+    aurora: Aurora,
+    folder: Path,
+    config: Mapping[str, Any] | None,
+    *,
+    keep: bool = False,
+    parts: Sequence[_parts.Part] = (),
+) -> Sequence[_parts.Part]:
+    """As `save`; if `keep`, the checkpoint that is there becomes the one before.
+
+    Args:
+        aurora, folder, config: see `save`.
+        keep: else the checkpoint before, if there is one, is removed: it may be of another run.
+        parts: what this returned for the checkpoint that is there, if it is of the same run.
+
+    Returns:
+        Large observations, and where they are.
+    """
     folder_at(folder)
     _write(folder / HISTORY, _history_csv(aurora.history.records))
     if keep:
         _keep(folder)
     arrays, kind = _contents(aurora, config)
+    arrays, parts = _parts.apart(folder, arrays, parts)
     _tensors.write(folder / REPERTOIRE, arrays, _FORMAT, kind)
+    if not keep:
+        (folder / PREVIOUS).unlink(missing_ok=True)
+    _parts.remove_others(folder, parts, lambda: _tensors.read(folder / PREVIOUS, _FORMAT)[0])
     write_config(aurora, folder, config)
     for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
         path.unlink()  # it shows what was there before
+    return parts
 
 
 def write_config(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None) -> None:
@@ -168,6 +189,7 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
     trusted = _checked_trust(trusted)
 
     def repertoire(arrays: dict[str, np.ndarray], kind: str) -> Repertoire:
+        arrays = _parts.together(Path(folder), arrays)
         columns = {name: arrays.pop(name) for name in KNOWN if name in arrays}
         return Repertoire(columns, _Origin(as_path("folder", folder).absolute(), kind, arrays, trusted))
 
@@ -199,7 +221,14 @@ class _Origin:
         return History.restored(load_history(self.folder), gap=1)
 
 
-def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_environment: bool = False, **parts: Any) -> Aurora:
+def resume(
+    folder: str | os.PathLike,
+    *,
+    trusted: Sequence[str] = (),
+    any_environment: bool = False,
+    observations: str | os.PathLike | None = None,
+    **parts: Any,
+) -> Aurora:
     """The run of a run folder as it was at its last checkpoint: it goes on as if it had never ended, bit for bit.
 
     Args:
@@ -208,6 +237,7 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
             strategies, emitters and archives.
         any_environment: whether to go on with other versions, or on another machine, than before: then rounding may differ,
             and the run takes another course.
+        observations: a folder for those of the archive, as `Aurora` takes it.
         parts: `selection`, `variation` or `emitter`, `resolution`, `schedule`, or an empty `archive`, to use instead of the
             saved ones. Those that are not auroraqd's own must be given, or their types trusted, which are then made with the
             arguments that they keep in attributes of the same names.
@@ -246,11 +276,13 @@ def resume(folder: str | os.PathLike, *, trusted: Sequence[str] = (), any_enviro
         if not any_environment:
             _check_environment(folder, config.get("environment", {}))
 
+    room = np.empty if observations is None else room_in(observations)
+
     def run(arrays: Mapping[str, np.ndarray], kind: str) -> Aurora:
-        values = _values(arrays)
+        arrays, values = _parts.together(path, arrays, room), _values(arrays)
         check_arrays(values, arrays)
         descriptor = _descriptor(kind, arrays, values, trusted)
-        return restored(State(values, dict(arrays)), descriptor, _seconds(path), parts, trusted)
+        return restored(State(values, dict(arrays)), descriptor, _seconds(path), parts, trusted, observations)
 
     aurora = _read(folder, run, "cannot go on")
     aurora._task = aurora._earlier_task = task_in(config)

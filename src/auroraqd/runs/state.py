@@ -6,6 +6,7 @@ crash. Wall-clock times are left out, so equal runs have equal states.
 
 import array as typed
 import json
+import os
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -142,7 +143,12 @@ def _is_json(value: Any) -> bool:
 
 
 def restored(
-    state: State, descriptor: Descriptor, seconds: Mapping[int, float], parts: Mapping[str, Any], trusted: Sequence[str] = ()
+    state: State,
+    descriptor: Descriptor,
+    seconds: Mapping[int, float],
+    parts: Mapping[str, Any],
+    trusted: Sequence[str] = (),
+    observations: str | os.PathLike | None = None,
 ) -> Aurora:
     """The run again.
 
@@ -153,8 +159,10 @@ def restored(
         parts: strategies and an empty archive to use instead of those of the state, by name. Needed where these are neither of
             auroraqd nor trusted.
         trusted: full names of the classes that may be made.
+        observations: a folder for those of the archive; see `Archive.keep_observations`.
 
     Raises:
+        OSError: the folder cannot be written.
         ValueError: a part is needed and not given.
     """
     values, arrays = state
@@ -172,6 +180,8 @@ def restored(
         if hasattr(emitter, "restore") and number < len(values["emitters"]):  # of more than there were, the rest are new
             emitter.restore({**values["emitters"][number], **_named(f"emitter{number}", arrays)})
     archive = archive_made(settings["archive"], _named("archive", arrays), parts.get("archive"), trusted)
+    if observations is not None:
+        archive.keep_observations(observations)
     archive.restore({name: array for name, array in arrays.items() if name in KNOWN or name in archive.own}, values["archive"])
     records = [_record(row, seconds) for row in arrays["history"]]
     rng = np.random.default_rng()
