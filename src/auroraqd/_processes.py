@@ -50,7 +50,7 @@ class Processes(Executor):
             try:
                 return self._at(place).submit(call)
             except BrokenProcessPool:  # it died while nobody looked; there will be another
-                del self._processes[place]
+                self._processes[place].died = True
 
     def fill(self, call: Callable[[], Any]) -> dict[int, Future]:
         """Start a process in each place that has none, and have each do this first; returns what was submitted, by place."""
@@ -70,7 +70,7 @@ class Processes(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """See `concurrent.futures.Executor`."""
         for process in self._processes.values():
-            process.pool.shutdown(wait=wait, cancel_futures=cancel_futures)
+            process.pool.shutdown(wait=wait or process.died, cancel_futures=cancel_futures)
 
     def _alive(self, place: int) -> bool:
         return place in self._processes and not self._processes[place].died
@@ -81,6 +81,8 @@ class Processes(Executor):
 
     def _at(self, place: int) -> "_Process":
         if not self._alive(place):
+            if place in self._processes:  # a pool that goes before it has dealt with that locks itself up, with Python 3.13.0
+                self._processes[place].pool.shutdown()
             self._processes[place] = _Process(self._start, self._arguments(place))
         return self._processes[place]
 

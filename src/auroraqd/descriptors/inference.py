@@ -17,7 +17,7 @@ import numpy as np
 from auroraqd.descriptors.layers import AutoEncoderNetwork
 from auroraqd.descriptors.scaling import Scaler
 
-_BLOCK = 50  # rows: batches of 100 and 200 are of whole blocks
+_BLOCK = 32  # rows: a multiple of as many as a processor takes at once, or those left over are rounded in another way
 
 
 class InUse(Protocol):
@@ -105,11 +105,14 @@ def _decode(network: AutoEncoderNetwork, scaling: Any, z: Any) -> tuple[Any]:
     return (network.decode(z),)
 
 
-@jax.jit
 def _describe(network: AutoEncoderNetwork, scaling: Any, x: Any) -> tuple[Any, Any]:
-    scaled = _scaled(x, scaling)
-    z = network.encode(scaled)
-    return z, ((network.decode(z) - scaled) ** 2).sum(axis=1)
+    (z,) = _encode(network, scaling, x)  # the same function: in another one, compiled with the rest, rounding may differ
+    return z, _squares(network, scaling, x, z)
+
+
+@jax.jit
+def _squares(network: AutoEncoderNetwork, scaling: Any, x: Any, z: Any) -> Any:
+    return ((network.decode(z) - _scaled(x, scaling)) ** 2).sum(axis=1)
 
 
 def _scaled(x: Any, scaling: Any) -> Any:
