@@ -220,6 +220,10 @@ def calls(folder):
         "Repertoire.sample": Call(lambda: repertoire.sample, {"n": 2}),
         "Repertoire.outlying": Call(lambda: repertoire.outlying, {}),
         "Repertoire.evaluate": Call(lambda: repertoire.evaluate, {"task": circle, "rows": [0, 1]}),
+        "Repertoire.refine": Call(
+            lambda: repertoire.refine,
+            {"task": circle, "goals": repertoire.observation[:2], "by": "observation", "trials": 2},
+        ),
         "Repertoire.plot": Call(lambda: repertoire.plot, {}),
         "Repertoire.to_pandas": Call(lambda: repertoire.to_pandas, {}),
         "Adaptation": Call(lambda: auroraqd.Adaptation, {"space": GOOD, "promise": GOOD[:, 0]}),
