@@ -177,7 +177,7 @@ def test_one_skill_is_a_start(tmp_path):
     place = bent(np.full((1, 3), 0.5))[1]
     aurora.tell([0.0], place, place)
     repertoire = auroraqd.load(auroraqd.save(aurora, tmp_path / "run"))
-    found = repertoire.refine(lambda g: (*bent(g), bent(g)[1]), place + [[0.05, -0.05]], trials=20)
+    found = repertoire.refine(lambda g: (*bent(g), bent(g)[1]), place + np.array([0.05, -0.05]), trials=20)
     assert found.error[0] < found.before[0] / 3
 
 

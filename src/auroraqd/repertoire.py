@@ -288,8 +288,8 @@ class Repertoire(Individuals):
 
         Args:
             task: see `auroraqd.tasks`; it is called once for each trial, with a genotype for each goal.
-            goals: (n, ...), outcomes in the shape and units of those stored; NaN for what does not matter. Of streams, those that
-                matter, by their names.
+            goals: (n, ...), outcomes in the shape and units of those stored; NaN for what does not matter. Of streams, those
+                that matter, by their names.
             by: the column in which they are outcomes.
             trials: for each goal, at most.
             k: skills to start from, at most.
