@@ -224,6 +224,7 @@ def calls(folder):
             lambda: repertoire.refine,
             {"task": circle, "goals": repertoire.observation[:2], "by": "observation", "trials": 2},
         ),
+        "Repertoire.deploy": Call(lambda: repertoire.deploy, {"folder": "robot", "rows": [0, 1], "overwrite": True}),
         "Repertoire.plot": Call(lambda: repertoire.plot, {}),
         "Repertoire.to_pandas": Call(lambda: repertoire.to_pandas, {}),
         "Adaptation": Call(lambda: auroraqd.Adaptation, {"space": GOOD, "promise": GOOD[:, 0]}),

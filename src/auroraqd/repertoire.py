@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -25,7 +27,9 @@ from auroraqd._checks import (
     whole,
     whole_numbers,
 )
+from auroraqd._files import as_path
 from auroraqd._notebooks import card, facts_of, figure_of
+from auroraqd.deployment import arrays_of, written
 from auroraqd.descriptors.descriptor import Descriptor, Transformer
 from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
@@ -495,6 +499,47 @@ class Repertoire(Individuals):
             )
         return np.tile(seeds_at(self._origin.seed(), self.born[rows]), (times, 1))
 
+    def deploy(self, folder: str | os.PathLike, rows: ArrayLike | None = None, *, overwrite: bool = False) -> Path:
+        """Write a folder for a robot whose computer has NumPy and nothing else; see `auroraqd.deployment`.
+
+        `skills.npz` has the columns, with names, bounds and units of the genes if the run knows them. `skills.py` reads it:
+        `reach(goal)` there is that of here, and `describe(observation)` too, where the descriptor is one matrix, PCA for
+        instance. A README says how to use them.
+
+        Args:
+            folder: to create.
+            rows: (n,) of the repertoire, all of it by default.
+            overwrite: whether it may be there: then files of these names are replaced.
+
+        Returns:
+            The folder.
+
+        Raises:
+            FileExistsError: it is there.
+            IndexError, ValueError: there are no such rows, or no skills.
+            OSError: it cannot be written.
+
+        Examples:
+            >>> import auroraqd
+            >>> from sklearn.decomposition import PCA
+            >>> task = auroraqd.tasks.Ballistic()
+            >>> aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0).run(task, generations=2)
+            >>> repertoire = auroraqd.load(auroraqd.save(aurora, "runs/deployed"))
+            >>> sorted(path.name for path in repertoire.deploy("robot").iterdir())
+            ['README.md', 'skills.npz', 'skills.py']
+        """
+        path, overwrite = as_path("folder", folder), flag("overwrite", overwrite)
+        self._check_any("deploy")
+        chosen = np.arange(len(self)) if rows is None else self._rows(rows) % len(self)
+        try:
+            affine = self._descriptor.affine
+        except (ValueError, AttributeError):  # of a type that is not trusted: auroraqd's and PCA are
+            affine = None
+        run = self._run()
+        origin = f", on {run['task']}, seed {run['seed']}" if run.get("task") else ""
+        written(path, arrays_of(self._columns, chosen, self._rulers, self._genes(), affine), origin, overwrite)
+        return path
+
     def to_pandas(self, genes: Genes | None = None, observation: bool = True) -> pandas.DataFrame:
         """A table, a skill a row, which pandas writes to CSV, Parquet and others. Needs pandas, the extra `tables`.
 
@@ -534,7 +579,7 @@ class Repertoire(Individuals):
         """Those of the task, if its run folder is there and they are of use."""
         try:
             genes = genes_in(self.config)
-        except (OSError, ValueError):
+        except (OSError, ValueError, AttributeError):  # an origin of somebody's own
             return None
         return None if genes is None or len(genes) != self.genotype.shape[1] or set(genes.names) & set(KNOWN) else genes
 
