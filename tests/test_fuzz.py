@@ -107,6 +107,10 @@ def circle(genotypes):
     return np.stack([np.cos(6 * np.clip(genotypes, 0, 1)), np.sin(6 * np.clip(genotypes, 0, 1))], axis=2)
 
 
+def carried(genotypes, state):
+    return circle(genotypes), state
+
+
 def one(genotype, *_):
     return genotype
 
@@ -282,6 +286,10 @@ def calls(folder):
         "tasks.Maze": Call(lambda: tasks.Maze, {}),
         "tasks.Maze()": Call(lambda: tasks.Maze(steps=3), {"genotypes": np.full((1, 42), 0.5)}),
         "tasks.Maze.paths": Call(lambda: tasks.Maze(steps=3).paths, {"genotypes": np.full((1, 42), 0.5), "samples": 2}),
+        "tasks.Hierarchical": Call(lambda: tasks.Hierarchical, {"skills": repertoire, "task": carried, "steps": 2}),
+        "tasks.Hierarchical()": Call(
+            lambda: tasks.Hierarchical(repertoire, carried, 2), {"genotypes": np.full((3, 4), 0.5)}, unnamed=("genotypes",)
+        ),
         "tasks.Camera": Call(lambda: tasks.Camera, {}),
         "tasks.Sinusoids": Call(lambda: tasks.Sinusoids, {}),
         "tasks.Splines": Call(lambda: tasks.Splines, {}),

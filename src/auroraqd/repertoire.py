@@ -191,6 +191,11 @@ class Repertoire(Individuals):
     def _repr_html_(self) -> str:
         return card("Repertoire", {**self._run(), **facts_of(self)}, "individuals", self)
 
+    @property
+    def folder(self) -> Path | None:
+        """The run folder that it comes from; None where it comes from none."""
+        return getattr(self._origin, "folder", None)
+
     def _run(self) -> dict[str, Any]:
         """What its run was, if it is known."""
         try:
