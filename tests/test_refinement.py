@@ -58,7 +58,7 @@ def test_a_step_is_the_shortest_that_does_it_within_bounds():
 def test_lengths_are_root_mean_squares_over_what_is_given():
     outcomes = np.array([[[0.0, 0.0], [2.0, 1.0]], [[1.0, 5.0], [4.0, 10.0]]])  # ranges 4 and 10
     ruler, goal = Ruler.of(outcomes), np.array([1.0, np.nan, 1.0, 6.0])
-    apart = np.linalg.norm(ruler.apart(outcomes.reshape(2, 4), goal), axis=1)
+    apart = np.linalg.norm(ruler.apart(outcomes, goal), axis=1)
     assert_allclose(apart, [np.sqrt((0.25 + 0.25 + 1) / 3), np.sqrt((0 + 2.25 + 0.64) / 3)])
 
 

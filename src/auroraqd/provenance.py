@@ -114,6 +114,7 @@ def _described(task: Any) -> dict[str, Any]:
     while type(task).__module__ == "auroraqd.evaluate.spread":  # it is spread over workers
         task = task.task
     genes, inner = getattr(task, "genes", None), _innermost(task)
+    layers = getattr(task, "layers", None) if type(task).__module__.startswith(_OWN) else None  # others call networks' so
     module, name = _home(task, inner)
     text = "" if isinstance(task, FunctionType | MethodType) else repr(task)
     return {
@@ -125,7 +126,7 @@ def _described(task: Any) -> dict[str, Any]:
         "genes": {n: [*b, u] for n, b, u in zip(genes.names, genes.bounds.tolist(), genes.units, strict=True)}
         if isinstance(genes, Genes)
         else None,
-        **({"layers": task.layers} if type(task).__module__.startswith(_OWN) and hasattr(task, "layers") else {}),
+        **({} if layers is None else {"layers": layers}),
     }
 
 

@@ -47,15 +47,19 @@ class Ruler(NamedTuple):
         halves = [Scaling.of(s[usual]).scaler(width).half for s, width in zip(streams.values(), widths, strict=True)]
         return cls(np.concatenate(halves), np.repeat(np.arange(len(widths)), widths))
 
-    def apart(self, rows: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        """From a goal, (features,), to outcomes, (n, features): (n, entries that are given).
+    def apart(self, outcomes: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """From a goal, (features,), to outcomes, (n, ...): (n, entries that are given).
 
         Its length is the root mean square over the entries given, those that are not NaN, in which streams count alike.
         """
         given = ~np.isnan(goal)
         entries = np.bincount(self.stream[given])
         weight = 1 / (self.half[given] * np.sqrt(entries[self.stream[given]] * np.count_nonzero(entries)))
-        return (rows[:, given] - goal[given]) * weight
+        parts = []
+        for index, rows in enumerate(streams_of(outcomes).values()):
+            wanted = goal[self.stream == index]
+            parts.append(rows.reshape(len(rows), -1)[:, ~np.isnan(wanted)] - wanted[~np.isnan(wanted)])
+        return np.concatenate(parts, axis=1) * weight
 
 
 class Skills(NamedTuple):
@@ -63,7 +67,7 @@ class Skills(NamedTuple):
 
     Attributes:
         genotype: (n, n_genes).
-        outcome: (n, features), of which goals are made.
+        outcome: (n, ...), of which goals are made.
         observation: (n, ...), in which those that belong to one model are alike.
         outcomes, observations: what measures them.
     """
@@ -79,8 +83,8 @@ class Skills(NamedTuple):
         apart = ((self.genotype - self.genotype[row]) ** 2).sum(axis=1)
         most = min(_CANDIDATES, len(apart))
         rows = np.argpartition(apart, most - 1)[:most]
-        seen = flat(self.observation[np.append(row, rows)])
-        apart = apart[rows] + (self.observations.apart(seen[1:], seen[0].astype(np.float64)) ** 2).sum(axis=1)
+        seen = flat(self.observation[row : row + 1])[0].astype(np.float64)
+        apart = apart[rows] + (self.observations.apart(self.observation[rows], seen) ** 2).sum(axis=1)
         return rows[np.argsort(apart, kind="stable")[: 2 * self.genotype.shape[1] + 5]]
 
 
@@ -125,8 +129,8 @@ class Search:
         return here + step(slopes(genotype, outcome), -missing, -here, 1 - here, self._radius, self._rng)
 
     def tell(self, genotype: np.ndarray, outcome: np.ndarray) -> bool:
-        """What a trial led to, (features,); returns whether it is the best so far. One with a NaN or an infinity failed."""
-        apart = self._skills.outcomes.apart(outcome[None], self._goal)[0]
+        """What a trial led to, (1, ...); returns whether it is the best so far. One with a NaN or an infinity failed."""
+        apart = self._skills.outcomes.apart(outcome, self._goal)[0]
         error = float(np.linalg.norm(apart))
         worth = np.isfinite(error)
         if worth:

@@ -34,7 +34,7 @@ from auroraqd.descriptors.descriptor import Descriptor, Transformer
 from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
 from auroraqd.individuals import KNOWN, Columns, Individuals, stored
-from auroraqd.observations import by_stream, check_same_streams, features_of, flat, has_streams, observations, streams_of
+from auroraqd.observations import by_stream, check_same_streams, features_of, has_streams, observations, streams_of
 from auroraqd.provenance import genes_in, task_named
 from auroraqd.refinement import Ruler, Search, Skills
 from auroraqd.tasks import Evaluation, Genes, evaluated
@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_MOST_TIMES = 10**6  # that a skill is evaluated again, or a goal tried
+_MOST_TIMES = 10**6  # that a skill is evaluated again
+_MOST_TRIALS = 10**4  # for a goal
 _OUTCOMES = "ground_truth", "observation", "descriptor"
 
 
@@ -272,7 +273,7 @@ class Repertoire(Individuals):
         self._check_any("reach")
         whole("k", k, most=len(self))
         goal = self._goals("observation", "observation", observation)[0]
-        distance = np.linalg.norm(self._rulers["observation"].apart(flat(self.observation), goal), axis=1)
+        distance = np.linalg.norm(self._rulers["observation"].apart(self.observation, goal), axis=1)
         rows = np.argsort(distance, kind="stable")[:k]
         descriptor = self._descriptor
         expected = descriptor.reconstruct(self.descriptor[rows]) if descriptor.decode is not None else None
@@ -331,13 +332,13 @@ class Repertoire(Individuals):
         wanted = self._goals("goals", by, goals, axes=1)
         starts = min(whole("k", k), len(self))
         number("enough", enough)
-        skills = Skills(self.genotype, flat(column), self.observation, self._rulers[by], self._rulers["observation"])
+        skills = Skills(self.genotype, column, self.observation, self._rulers[by], self._rulers["observation"])
         rng = np.random.default_rng(0)
         searches = [Search(skills, goal, starts, rng) for goal in wanted]
         rows, before = np.array([search.row for search in searches]), np.array([search.error for search in searches])
         genotype, outcome = self.genotype[rows], by_stream(_floats, column[rows])
         done = np.zeros(len(wanted), np.int64)
-        most = whole("trials", trials, most=_MOST_TIMES)
+        most = whole("trials", trials, most=_MOST_TRIALS)
         seeds = other_seeds(whole("seed", seed, least=0, most=MOST_SEED), most * len(wanted)).reshape(most, len(wanted))
         for theirs in seeds:
             going = np.flatnonzero([search.error > enough for search in searches])
@@ -345,17 +346,15 @@ class Repertoire(Individuals):
                 break
             asked = np.array([searches[row].ask() for row in going])
             found = self._tried(task, asked, theirs[going], by)
-            for row, tried, led, led_flat in zip(going, asked, found, flat(found), strict=True):
-                if searches[row].tell(tried, led_flat):
-                    genotype[row], outcome[row] = tried, led
+            for index, row in enumerate(going):
+                if searches[row].tell(asked[index], found[index : index + 1]):
+                    genotype[row], outcome[row] = asked[index], found[index]
             done[going] += 1
         return Refined(genotype, outcome, np.array([search.error for search in searches]), before, rows, done)
 
     def _tried(self, task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray, by: str) -> np.ndarray:
         """The outcomes, float64, of genotypes that nobody knows yet, (k, n_genes), in a column, (k, ...)."""
         evaluation = evaluated(task, genotypes.copy(), seeds, "with genotypes that are refined")
-        if evaluation.ground_truth is None and by == "ground_truth":
-            raise ValueError("by must be observation or descriptor, for the task does not return ground truth")
         observed = self._as_stored(evaluation.observation)
         if by == "descriptor":
             names = {"genotype": genotypes, "observation": observed, "ground_truth": evaluation.ground_truth}
@@ -364,10 +363,12 @@ class Repertoire(Individuals):
             if valid.any():
                 descriptor[valid] = self._descriptor.describe(columns.chosen(np.flatnonzero(valid)))[0]
             return descriptor
-        found = by_stream(_floats, observed if by == "observation" else evaluation.ground_truth)
+        found = observed if by == "observation" else evaluation.ground_truth
+        if found is None:
+            raise ValueError("by must be observation or descriptor, for the task does not return ground truth")
         if found.shape[1:] != self._led_to(by).shape[1:]:
             raise ValueError(f"{by} must have shape {rows_of(self._led_to(by).shape[1:])}, as stored, got {found.shape}")
-        return found
+        return by_stream(_floats, found)
 
     def _as_stored(self, observation: np.ndarray) -> np.ndarray:
         """Observations of a task, (n, ...), if they have the shape of those stored."""

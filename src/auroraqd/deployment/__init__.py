@@ -90,7 +90,7 @@ def written(folder: Path, arrays: Mapping[str, np.ndarray], origin: str, overwri
     folder_at(folder)
     paths = [folder / name for name in ("skills.npz", "skills.py", "README.md")]
     with replacing(paths[0]) as file:
-        np.savez(file, **arrays)
+        np.savez(file, **arrays)  # pyright: ignore[reportArgumentType] - no array is called like an option
     with replacing(paths[1]) as file:
         file.write(resources.files("auroraqd.deployment").joinpath("skills.py").read_bytes())
     with replacing(paths[2]) as file:

@@ -100,7 +100,8 @@ class Hierarchical:
         genotypes = numbers("genotypes", genotypes, " of shape (n, n_genes)", axes=2, some=True)
         check_genotypes("there must be", genotypes, (len(genotypes), self.n_genes))
         low, high = self._places.min(axis=0), self._places.max(axis=0)
-        return self._nearest.query(low + genotypes.reshape(len(genotypes), self.steps, -1) * (high - low))[1]
+        places = low + genotypes.reshape(len(genotypes), self.steps, -1) * (high - low)
+        return np.asarray(self._nearest.query(places)[1])
 
     def __call__(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> Evaluation:
         """See the class; with seeds, (n,), if it is seeded."""
