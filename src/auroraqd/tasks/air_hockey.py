@@ -184,16 +184,18 @@ def _advance(start, change, bound, time, end, threshold, arm, pucks):
         pucks[p, 5] = _contacts(arm, rate, threshold, pucks[p])
     if pucks.shape[0] == 2:
         _collide(threshold, pucks[0], pucks[1])
+    # A puck that is squeezed between another and a wall would be moved off the wall by rounding, again and again.
+    near, least = (0.0, 1e-9) if pucks.shape[0] == 1 else (_NEAR, 1e-6)
     step = end - time
     for p in range(pucks.shape[0]):
-        _walls(threshold, pucks[p])
+        _walls(threshold, pucks[p], near)
         step = min(step, _free(bound * rate, pucks[p]))
     if pucks.shape[0] == 2:
         step = min(step, _meeting(pucks[0], pucks[1]))
     for p in range(pucks.shape[0]):
         pucks[p, 0] += step * pucks[p, 2]
         pucks[p, 1] += step * pucks[p, 3]
-    return end if step >= end - time else time + max(step, 1e-9)
+    return end if step >= end - time else time + max(step, least)
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -335,11 +337,11 @@ def _collide(threshold, a, b):
 
 
 @compiled(nogil=True, error_model="numpy")
-def _walls(threshold, puck):
-    """Bounces off the walls."""
+def _walls(threshold, puck, near):
+    """Bounces off the walls, also off one that is nearer than `near`."""
     for axis in range(2):
         for side in (-1.0, 1.0):
-            if puck[axis] * side >= _LIMIT:
+            if puck[axis] * side >= _LIMIT - near:
                 puck[axis] = side * _LIMIT
                 bounce(puck, -side * (1 - axis), -side * axis, 0.0, 0.0, threshold)
 
