@@ -3,6 +3,8 @@
 import math
 from itertools import pairwise
 
+import numpy as np
+
 
 def squared_distance(a, b):
     """Euclidean, summed in the order of the dimensions."""
@@ -390,6 +392,44 @@ def bounce(vx, vy, spin, normal, body, threshold, radius=0.05, restitution=0.8, 
     impulse = (push * normal[0] + grip * tangent[0], push * normal[1] + grip * tangent[1])
     torque = contact[0] * impulse[1] - contact[1] * impulse[0]
     return vx + impulse[0], vy + impulse[1], spin + torque / inertia
+
+
+def strike(a, b, normal, threshold, radius=0.05, restitution=0.8, friction=0.8):
+    """Two discs of mass 1, (vx, vy, spin) each, `normal` from the first to the second: impulses from a system of equations."""
+    n, inertia = np.array(normal), radius**2 / 2
+    t = np.array([-n[1], n[0]])
+    jacobian = np.array(  # normal and tangential speed of the first point of contact past the second, of all six speeds
+        [[*n, 0, *-n, 0], [*t, radius, *-t, radius]]
+    )
+    weights = np.diag([1, 1, 1 / inertia, 1, 1, 1 / inertia])
+    speeds = np.array([*a, *b], float)
+    closing, slip = jacobian @ speeds
+    if closing <= 0:
+        return speeds
+    mass = jacobian @ weights @ jacobian.T  # how speeds of the contact answer to impulses
+    push = -closing * (1 + (restitution if closing > threshold else 0)) / mass[0, 0]
+    grip = np.clip(-slip / mass[1, 1], friction * push, -friction * push)
+    return speeds + weights @ jacobian.T @ np.array([push, grip])
+
+
+def two_pucks(a, b, seconds, limit=0.94, radius=0.05, step=1e-4):
+    """Two pucks, (x, y, vx, vy, spin) each, in a room without an arm, in small steps: where they are."""
+    pucks = [list(map(float, a)), list(map(float, b))]
+    for _ in range(round(seconds / step)):
+        x, y = pucks[1][0] - pucks[0][0], pucks[1][1] - pucks[0][1]
+        distance = math.hypot(x, y)
+        if distance <= 2 * radius:
+            speeds = strike(pucks[0][2:], pucks[1][2:], (x / distance, y / distance), 0.0)
+            pucks[0][2:], pucks[1][2:] = speeds[:3].tolist(), speeds[3:].tolist()
+        for puck in pucks:
+            for axis in range(2):
+                for side in (-1, 1):
+                    if puck[axis] * side >= limit:
+                        normal = (-side, 0) if axis == 0 else (0, -side)
+                        puck[2:] = bounce(*puck[2:], normal, (0.0, 0.0), 0.0)
+            puck[0] += step * puck[2]
+            puck[1] += step * puck[3]
+    return pucks
 
 
 def diversity(trajectories, bins, low=-1.0, high=1.0):

@@ -107,6 +107,10 @@ def circle(genotypes):
     return np.stack([np.cos(6 * np.clip(genotypes, 0, 1)), np.sin(6 * np.clip(genotypes, 0, 1))], axis=2)
 
 
+def carried(genotypes, state):
+    return circle(genotypes), state
+
+
 def one(genotype, *_):
     return genotype
 
@@ -220,6 +224,11 @@ def calls(folder):
         "Repertoire.sample": Call(lambda: repertoire.sample, {"n": 2}),
         "Repertoire.outlying": Call(lambda: repertoire.outlying, {}),
         "Repertoire.evaluate": Call(lambda: repertoire.evaluate, {"task": circle, "rows": [0, 1]}),
+        "Repertoire.refine": Call(
+            lambda: repertoire.refine,
+            {"task": circle, "goals": repertoire.observation[:2], "by": "observation", "trials": 2},
+        ),
+        "Repertoire.deploy": Call(lambda: repertoire.deploy, {"folder": "robot", "rows": [0, 1], "overwrite": True}),
         "Repertoire.plot": Call(lambda: repertoire.plot, {}),
         "Repertoire.to_pandas": Call(lambda: repertoire.to_pandas, {}),
         "Adaptation": Call(lambda: auroraqd.Adaptation, {"space": GOOD, "promise": GOOD[:, 0]}),
@@ -277,6 +286,10 @@ def calls(folder):
         "tasks.Maze": Call(lambda: tasks.Maze, {}),
         "tasks.Maze()": Call(lambda: tasks.Maze(steps=3), {"genotypes": np.full((1, 42), 0.5)}),
         "tasks.Maze.paths": Call(lambda: tasks.Maze(steps=3).paths, {"genotypes": np.full((1, 42), 0.5), "samples": 2}),
+        "tasks.Hierarchical": Call(lambda: tasks.Hierarchical, {"skills": repertoire, "task": carried, "steps": 2}),
+        "tasks.Hierarchical()": Call(
+            lambda: tasks.Hierarchical(repertoire, carried, 2), {"genotypes": np.full((3, 4), 0.5)}, unnamed=("genotypes",)
+        ),
         "tasks.Camera": Call(lambda: tasks.Camera, {}),
         "tasks.Sinusoids": Call(lambda: tasks.Sinusoids, {}),
         "tasks.Splines": Call(lambda: tasks.Splines, {}),

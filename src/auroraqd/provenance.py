@@ -44,7 +44,8 @@ def described(task: Callable) -> dict[str, Any]:
 
     Returns:
         `module` and `name`, by which it can be imported, unless the module is "__main__"; `repr`, if it says more than that;
-        `code`, a hash; `versions` of the packages that its module uses; `genes`, name to (low, high, unit), if it has any.
+        `code`, a hash; `versions` of the packages that its module uses; `genes`, name to (low, high, unit), if it has any;
+        `layers`, run folders whose skills it executes, if it does.
     """
     global _last
     if _last is not None and _last[0]() is task:
@@ -97,6 +98,12 @@ def importable(config: Mapping[str, Any]) -> str | None:
     return None if unnamed else called(task)
 
 
+def layers_in(task: Mapping[str, Any] | None) -> list[str]:
+    """Run folders whose skills a described task executes, the nearest layer first."""
+    layers = (task or {}).get("layers")
+    return list(map(str, layers)) if isinstance(layers, list) else []
+
+
 def genes_in(config: Mapping[str, Any]) -> Genes | None:
     """The genes of the task of a run folder, if they are known."""
     genes = (task_in(config) or {}).get("genes")
@@ -107,6 +114,7 @@ def _described(task: Any) -> dict[str, Any]:
     while type(task).__module__ == "auroraqd.evaluate.spread":  # it is spread over workers
         task = task.task
     genes, inner = getattr(task, "genes", None), _innermost(task)
+    layers = getattr(task, "layers", None) if type(task).__module__.startswith(_OWN) else None  # others call networks' so
     module, name = _home(task, inner)
     text = "" if isinstance(task, FunctionType | MethodType) else repr(task)
     return {
@@ -118,6 +126,7 @@ def _described(task: Any) -> dict[str, Any]:
         "genes": {n: [*b, u] for n, b, u in zip(genes.names, genes.bounds.tolist(), genes.units, strict=True)}
         if isinstance(genes, Genes)
         else None,
+        **({} if layers is None else {"layers": layers}),
     }
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -16,20 +18,25 @@ from auroraqd._checks import (
     in_short,
     instance,
     mapping,
+    number,
     numbers,
     numeric,
     one_of,
+    rows_of,
     shown,
     whole,
     whole_numbers,
 )
+from auroraqd._files import as_path
 from auroraqd._notebooks import card, facts_of, figure_of
+from auroraqd.deployment import arrays_of, written
 from auroraqd.descriptors.descriptor import Descriptor, Transformer
 from auroraqd.descriptors.scaling import Scaling, far_outside
 from auroraqd.history import History
 from auroraqd.individuals import KNOWN, Columns, Individuals, stored
-from auroraqd.observations import check_same_streams, has_streams, observations, streams_of
+from auroraqd.observations import by_stream, check_same_streams, features_of, has_streams, observations, streams_of
 from auroraqd.provenance import genes_in, task_named
+from auroraqd.refinement import Ruler, Search, Skills
 from auroraqd.tasks import Evaluation, Genes, evaluated
 from auroraqd.tasks.noise import other_seeds, seeds_at
 
@@ -39,6 +46,8 @@ if TYPE_CHECKING:
 
 
 _MOST_TIMES = 10**6  # that a skill is evaluated again
+_MOST_TRIALS = 10**4  # for a goal
+_OUTCOMES = "ground_truth", "observation", "descriptor"
 
 
 class Reached(NamedTuple):
@@ -59,6 +68,29 @@ class Reached(NamedTuple):
     genotype: np.ndarray
     observation: np.ndarray
     reconstruction: np.ndarray | None
+
+    def __repr__(self) -> str:
+        return in_short(self)
+
+
+class Refined(NamedTuple):
+    """Genotypes that come closer to goals than any skill.
+
+    Attributes:
+        genotype: (n, n_genes), the best that was found for each goal; where no trial was better, that of the nearest skill.
+        outcome: (n, ...) float64, what it led to.
+        error: (n,), from there to the goal: see `Reached.distance`, which is of observations; of others it is likewise.
+        before: (n,), that of the nearest skill, as it is stored.
+        rows: (n,), the nearest skill.
+        trials: (n,), how many there were.
+    """
+
+    genotype: np.ndarray
+    outcome: np.ndarray
+    error: np.ndarray
+    before: np.ndarray
+    rows: np.ndarray
+    trials: np.ndarray
 
     def __repr__(self) -> str:
         return in_short(self)
@@ -160,6 +192,11 @@ class Repertoire(Individuals):
     def _repr_html_(self) -> str:
         return card("Repertoire", {**self._run(), **facts_of(self)}, "individuals", self)
 
+    @property
+    def folder(self) -> Path | None:
+        """The run folder that it comes from; None where it comes from none."""
+        return getattr(self._origin, "folder", None)
+
     def _run(self) -> dict[str, Any]:
         """What its run was, if it is known."""
         try:
@@ -235,39 +272,155 @@ class Repertoire(Individuals):
         """
         self._check_any("reach")
         whole("k", k, most=len(self))
-        usual = ~far_outside(self.observation)
-        squares = []
-        for name, wanted in self._outcome(observation).items():
-            stream, given = streams_of(self.observation)[name], ~np.isnan(wanted)
-            half = Scaling.of(stream[usual]).scaler(wanted.size).half[given.ravel()]
-            difference = (stream.reshape(len(self), -1)[:, given.ravel()] - wanted[given]) / half
-            squares.append(np.mean(difference**2, axis=1))
-        distance = np.sqrt(np.mean(squares, axis=0))
+        goal = self._goals("observation", "observation", observation)[0]
+        distance = np.linalg.norm(self._rulers["observation"].apart(self.observation, goal), axis=1)
         rows = np.argsort(distance, kind="stable")[:k]
         descriptor = self._descriptor
         expected = descriptor.reconstruct(self.descriptor[rows]) if descriptor.decode is not None else None
         return Reached(rows, distance[rows], self.genotype[rows], self.observation[rows], expected)
 
-    def _outcome(self, observation: Any) -> dict[str, np.ndarray]:
-        """What is wanted of each stream, or of the observation if it is one array, (...), if anything of it is."""
-        streams, whole = streams_of(self.observation), not has_streams(self.observation)
-        wanted = {"observation": observation} if whole else observation
-        if not isinstance(wanted, Mapping) or not wanted or set(wanted) - set(streams):
-            raise ValueError(
-                f"observation must be a mapping of some of {', '.join(streams)} to arrays, got {shown(observation)}"
-            )
-        found = {}
+    def refine(
+        self,
+        task: Callable[..., Any],
+        goals: ArrayLike | Mapping[str, ArrayLike],
+        by: Literal["ground_truth", "observation", "descriptor"] = "ground_truth",
+        trials: int = 10,
+        *,
+        k: int = 5,
+        enough: float = 0.0,
+        seed: int = 0,
+    ) -> Refined:
+        """Come closer to goals than the nearest skills do, by a few trials for each.
+
+        From the k nearest skills, genotypes by linear models of what genes do to the outcome, of skills nearby and of the
+        trials before: see `auroraqd.refinement`. The goals do not learn from each other. Everything is deterministic, but for
+        the task.
+
+        Args:
+            task: see `auroraqd.tasks`; it is called once for each trial, with a genotype for each goal.
+            goals: (n, ...), outcomes in the shape and units of those stored; NaN for what does not matter. Of streams, those
+                that matter, by their names.
+            by: the column in which they are outcomes.
+            trials: for each goal, at most.
+            k: skills to start from, at most.
+            enough: an error that is small enough: then there are no more trials for the goal.
+            seed: of a task whose outcome depends on chance, see `evaluate`.
+
+        Returns:
+            genotype and outcome, the error now and before, and how many trials it took: see `Refined`. Where outcomes depend on
+            chance, the best of several is also the luckiest: `evaluate` others to know.
+
+        Raises:
+            RuntimeError: the descriptor is not known.
+            TaskError: the task raised, or returned something else than promised.
+            TypeError: the task cannot be called.
+            ValueError: an argument has the wrong shape or is out of range; there is no ground truth, or no skill.
+
+        Examples:
+            >>> import auroraqd
+            >>> from sklearn.decomposition import PCA
+            >>> task = auroraqd.tasks.Ballistic()
+            >>> aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0).run(task, generations=10)
+            >>> repertoire = auroraqd.load(auroraqd.save(aurora, "runs/refined"))
+            >>> refined = repertoire.refine(task, [[-0.5, -0.3]], trials=5)
+            >>> bool(refined.error[0] < refined.before[0] / 100)
+            True
+        """
+        function("task", task)
+        self._check_any("refine")
+        column = self._led_to(one_of("by", by, _OUTCOMES))
+        wanted = self._goals("goals", by, goals, axes=1)
+        starts = min(whole("k", k), len(self))
+        number("enough", enough)
+        skills = Skills(self.genotype, column, self.observation, self._rulers[by], self._rulers["observation"])
+        rng = np.random.default_rng(0)
+        searches = [Search(skills, goal, starts, rng) for goal in wanted]
+        rows, before = np.array([search.row for search in searches]), np.array([search.error for search in searches])
+        genotype, outcome = self.genotype[rows], by_stream(_floats, column[rows])
+        done = np.zeros(len(wanted), np.int64)
+        most = whole("trials", trials, most=_MOST_TRIALS)
+        seeds = other_seeds(whole("seed", seed, least=0, most=MOST_SEED), most * len(wanted)).reshape(most, len(wanted))
+        for theirs in seeds:
+            going = np.flatnonzero([search.error > enough for search in searches])
+            if len(going) == 0:
+                break
+            asked = np.array([searches[row].ask() for row in going])
+            found = self._tried(task, asked, theirs[going], by)
+            for index, row in enumerate(going):
+                if searches[row].tell(asked[index], found[index : index + 1]):
+                    genotype[row], outcome[row] = asked[index], found[index]
+            done[going] += 1
+        return Refined(genotype, outcome, np.array([search.error for search in searches]), before, rows, done)
+
+    def _tried(self, task: Callable[..., Any], genotypes: np.ndarray, seeds: np.ndarray, by: str) -> np.ndarray:
+        """The outcomes, float64, of genotypes that nobody knows yet, (k, n_genes), in a column, (k, ...)."""
+        evaluation = evaluated(task, genotypes.copy(), seeds, "with genotypes that are refined")
+        observed = self._as_stored(evaluation.observation)
+        if by == "descriptor":
+            names = {"genotype": genotypes, "observation": observed, "ground_truth": evaluation.ground_truth}
+            columns = Columns({name: rows for name, rows in names.items() if rows is not None})
+            valid, descriptor = self._descriptor.readable(columns), np.full((len(genotypes), self.descriptor.shape[1]), np.nan)
+            if valid.any():
+                descriptor[valid] = self._descriptor.describe(columns.chosen(np.flatnonzero(valid)))[0]
+            return descriptor
+        found = observed if by == "observation" else evaluation.ground_truth
+        if found is None:
+            raise ValueError("by must be observation or descriptor, for the task does not return ground truth")
+        if found.shape[1:] != self._led_to(by).shape[1:]:
+            raise ValueError(f"{by} must have shape {rows_of(self._led_to(by).shape[1:])}, as stored, got {found.shape}")
+        return by_stream(_floats, found)
+
+    def _as_stored(self, observation: np.ndarray) -> np.ndarray:
+        """Observations of a task, (n, ...), if they have the shape of those stored."""
+        check_same_streams("observation", observation, self.observation)
+        shape = self.observation.shape[1:]
+        if observation.shape[1:] != shape:
+            raise ValueError(f"observation must have shape {rows_of(shape)}, as stored, got {observation.shape}")
+        return observation
+
+    def _led_to(self, name: str) -> np.ndarray:
+        """One in which outcomes are."""
+        if name not in self._columns:
+            raise ValueError("by must be observation or descriptor, for no ground truth is stored")
+        return self._columns[name]
+
+    @cached_property
+    def _rulers(self) -> Mapping[str, Ruler]:
+        """What outcomes are measured with, in each column that has some."""
+        return {name: Ruler.of(self._columns[name]) for name in _OUTCOMES if name in self._columns}
+
+    def _goals(self, called: str, by: str, goals: Any, axes: int = 0) -> np.ndarray:
+        """What is wanted of each entry of a column, (n, features): NaN where nothing is.
+
+        Args:
+            called: the argument, for messages.
+            by: the column.
+            goals: what came.
+            axes: 1: there are several; 0: there is one.
+        """
+        column = self._led_to(by)
+        streams, whole = streams_of(column), not has_streams(column)
+        wanted = {called: goals} if whole else goals
+        names = {called: column} if whole else streams
+        if not isinstance(wanted, Mapping) or not wanted or set(wanted) - set(names):
+            raise ValueError(f"{called} must be a mapping of some of {', '.join(streams)} to arrays, got {shown(goals)}")
+        parts: dict[str, np.ndarray] = {}
         for name, values in wanted.items():
-            called = name if whole else f"observation {name}"
-            array, shape = numbers(called, values), streams[name].shape[1:]
-            if array.shape != shape:
-                raise ValueError(f"{called} must have shape {shape}, as those of the repertoire, got {array.shape}")
+            full = name if whole else f"{called} {name}"
+            array, shape = numbers(full, values), names[name].shape[1:]
+            if array.ndim < axes or array.shape[axes:] != shape or (axes and len(array) == 0):
+                of_all = rows_of(shape) if axes else shape
+                raise ValueError(f"{full} must have shape {of_all}, as those of the repertoire, got {array.shape}")
             if np.isinf(array).any():
-                raise ValueError(f"{called} must have finite entries, or NaN for what does not matter")
-            if not np.isnan(array).all():
-                found[name] = array
-        if not found:
-            raise ValueError("observation must have finite entries, or NaN for what does not matter, but not NaN alone")
+                raise ValueError(f"{full} must have finite entries, or NaN for what does not matter")
+            parts[name] = array.reshape(len(array) if axes else 1, -1)
+        lengths = {len(part) for part in parts.values()}
+        if len(lengths) > 1:
+            raise ValueError(f"{called} must have as many rows in each stream, got {' and '.join(map(str, sorted(lengths)))}")
+        missing = {name: np.full((max(lengths), features_of(stream)), np.nan) for name, stream in names.items()}
+        found = np.concatenate(list((missing | parts).values()), axis=1)
+        if np.isnan(found).all(axis=1).any():
+            raise ValueError(f"{called} must have finite entries, or NaN for what does not matter, but not NaN alone")
         return found
 
     def sample(self, n: int) -> np.ndarray:
@@ -321,9 +474,7 @@ class Repertoire(Individuals):
             evaluation = evaluated(task, genotype.copy(), theirs.copy(), "with skills of the repertoire")
             found.append(Evaluation(*(None if column is None else np.array(column) for column in evaluation)))
         for evaluation in found:
-            check_same_streams("observation", evaluation.observation, stored)
-            if evaluation.observation.shape != stored.shape:
-                raise ValueError(f"observation must have shape {stored.shape}, as stored, got {evaluation.observation.shape}")
+            self._as_stored(evaluation.observation)
         fitness = np.stack([evaluation.fitness for evaluation in found], axis=1)
         observation = np.stack([evaluation.observation for evaluation in found], axis=1)
         error = self._difference(observation, stored)
@@ -353,6 +504,47 @@ class Repertoire(Individuals):
                 "an earlier version did not keep it (their born is -1)"
             )
         return np.tile(seeds_at(self._origin.seed(), self.born[rows]), (times, 1))
+
+    def deploy(self, folder: str | os.PathLike, rows: ArrayLike | None = None, *, overwrite: bool = False) -> Path:
+        """Write a folder for a robot whose computer has NumPy and nothing else; see `auroraqd.deployment`.
+
+        `skills.npz` has the columns, with names, bounds and units of the genes if the run knows them. `skills.py` reads it:
+        `reach(goal)` there is that of here, and `describe(observation)` too, where the descriptor is one matrix, PCA for
+        instance. A README says how to use them.
+
+        Args:
+            folder: to create.
+            rows: (n,) of the repertoire, all of it by default.
+            overwrite: whether it may be there: then files of these names are replaced.
+
+        Returns:
+            The folder.
+
+        Raises:
+            FileExistsError: it is there.
+            IndexError, ValueError: there are no such rows, or no skills.
+            OSError: it cannot be written.
+
+        Examples:
+            >>> import auroraqd
+            >>> from sklearn.decomposition import PCA
+            >>> task = auroraqd.tasks.Ballistic()
+            >>> aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=0).run(task, generations=2)
+            >>> repertoire = auroraqd.load(auroraqd.save(aurora, "runs/deployed"))
+            >>> sorted(path.name for path in repertoire.deploy("robot").iterdir())
+            ['README.md', 'skills.npz', 'skills.py']
+        """
+        path, overwrite = as_path("folder", folder), flag("overwrite", overwrite)
+        self._check_any("deploy")
+        chosen = np.arange(len(self)) if rows is None else self._rows(rows) % len(self)
+        try:
+            affine = self._descriptor.affine
+        except (ValueError, AttributeError):  # of a type that is not trusted: auroraqd's and PCA are
+            affine = None
+        run = self._run()
+        origin = f", on {run['task']}, seed {run['seed']}" if run.get("task") else ""
+        written(path, arrays_of(self._columns, chosen, self._rulers, self._genes(), affine), origin, overwrite)
+        return path
 
     def to_pandas(self, genes: Genes | None = None, observation: bool = True) -> pandas.DataFrame:
         """A table, a skill a row, which pandas writes to CSV, Parquet and others. Needs pandas, the extra `tables`.
@@ -393,7 +585,7 @@ class Repertoire(Individuals):
         """Those of the task, if its run folder is there and they are of use."""
         try:
             genes = genes_in(self.config)
-        except (OSError, ValueError):
+        except (OSError, ValueError, AttributeError):  # an origin of somebody's own
             return None
         return None if genes is None or len(genes) != self.genotype.shape[1] or set(genes.names) & set(KNOWN) else genes
 
@@ -437,6 +629,10 @@ def diverse(descriptor: np.ndarray, n: int) -> np.ndarray:
         distance = np.minimum(distance, from_it) if chosen else from_it
         chosen.append(row)
     return np.array(chosen, np.int64)
+
+
+def _floats(rows: np.ndarray) -> np.ndarray:
+    return rows.astype(np.float64)
 
 
 def _squared(places: np.ndarray, place: np.ndarray) -> np.ndarray:

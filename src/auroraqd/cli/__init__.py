@@ -20,7 +20,7 @@ app = typer.Typer(
 )
 _runs = discover.run, discover.repeat, discover.resume
 _looks = watch.watch, show.show, show.explore, show.animate
-for command in (*_runs, *_looks, new_task.new_task, doctor.doctor, reproduce.reproduce):
+for command in (*_runs, *_looks, show.deploy, new_task.new_task, doctor.doctor, reproduce.reproduce):
     purpose = (command.__doc__ or "").partition("\n\n")[0]  # whole, for Typer would cut it; in a line, as shells want it
     app.command(short_help=" ".join(purpose.split()))(command)
 

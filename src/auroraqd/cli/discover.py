@@ -384,9 +384,13 @@ def _run(
     prepared: Callable[[], None] = lambda: None,
 ) -> None:
     """Build a run and let it grow; `prepared` is called in between."""
+    from auroraqd.provenance import described
+    from auroraqd.runs.folders import check_no_layer
+
     _check_free(out, overwrite)
     with busy("preparing"):
         task, aurora = settings.build(observations)
+        check_no_layer(described(task), out)
     prepared()
     grow(task, aurora, Plan.of(settings), out, figures, every, spread_over, logs, overwrite=overwrite, events=events)
 

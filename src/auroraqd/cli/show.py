@@ -1,4 +1,4 @@
-"""`auroraqd show`, `explore` and `animate`: to look at what was found."""
+"""`auroraqd show`, `explore`, `animate` and `deploy`: to look at what was found, and to take it away."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -117,6 +117,36 @@ def _serve(folder: Path, port: int, most: int, task: str | None) -> None:
         )
         server.serve_forever()
     console.print(f"{folder} is no longer served", highlight=False, soft_wrap=True)
+
+
+def deploy(
+    folder: Annotated[Path, typer.Argument(help="Run folder.")],
+    out: Annotated[Path, typer.Option(help="Folder to create.")] = Path("robot"),
+    rows: Annotated[str | None, typer.Option(help="Of the repertoire, like 3,17,250. [default: all]")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the files in the folder if it exists.")] = False,
+) -> None:
+    """Write a folder with skills for a robot that needs NumPy alone: arrays, a module that finds skills for goals, a README.
+
+    Example: auroraqd deploy runs/first --out robot
+    """
+    from auroraqd.runs import folders
+
+    if (out.exists() or out.is_symlink()) and not overwrite:
+        raise UserError(f"{out} exists: choose another folder with --out, or replace its files with --overwrite")
+    try:
+        chosen = None if rows is None else [int(row) for row in rows.split(",")]
+    except ValueError:
+        raise UserError(
+            f"--rows must be rows of the repertoire with commas between them, like 3,17,250, got {rows!r}"
+        ) from None
+    repertoire = folders.load(folder)
+    try:
+        made = repertoire.deploy(out, chosen, overwrite=overwrite)
+    except IndexError as error:
+        raise UserError(f"--{error}") from None
+    number = len(repertoire) if chosen is None else len(chosen)
+    size = sum(path.stat().st_size for path in made.iterdir()) / 1e3
+    console.print(f"{made}: {number:,} skills, {size:,.0f} kB; see {made / 'README.md'}", highlight=False, soft_wrap=True)
 
 
 def report(folder: Path, figures: bool) -> None:

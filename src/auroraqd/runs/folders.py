@@ -37,7 +37,7 @@ from auroraqd.descriptors.descriptor import NAMES, OBSERVATION, Descriptor, Tran
 from auroraqd.descriptors.scaling import Scaling
 from auroraqd.history import History, Record
 from auroraqd.individuals import KNOWN
-from auroraqd.provenance import made_again, made_by, task_in
+from auroraqd.provenance import layers_in, made_again, made_by, task_in
 from auroraqd.repertoire import Repertoire
 from auroraqd.runs import _parts, _tensors, _transformers
 from auroraqd.runs._saved import as_layout, check_arrays, check_values
@@ -128,6 +128,7 @@ def write(
     Returns:
         Large observations, and where they are.
     """
+    check_no_layer(aurora._task, folder)
     folder_at(folder)
     _write(folder / HISTORY, _history_csv(aurora.history.records))
     if keep:
@@ -142,6 +143,12 @@ def write(
     for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
         path.unlink()  # it shows what was there before
     return parts
+
+
+def check_no_layer(task: Mapping[str, Any] | None, folder: Path) -> None:
+    """Raise ValueError if a described task executes skills of a folder, in which its own are to be."""
+    if folder.resolve() in [Path(layer).resolve() for layer in layers_in(task)]:
+        raise ValueError(f"{folder} is a layer of the task, which executes skills from there: choose another folder")
 
 
 def write_config(aurora: Aurora, folder: Path, config: Mapping[str, Any] | None) -> None:

@@ -156,6 +156,7 @@ from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
 from auroraqd.tasks.controllers import MLP, ClosedLoop, OpenLoop, Sinusoids, Splines  # noqa: E402
 from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
 from auroraqd.tasks.gym import Gym  # noqa: E402
+from auroraqd.tasks.hierarchical import Hierarchical  # noqa: E402
 from auroraqd.tasks.maze import Maze  # noqa: E402
 from auroraqd.tasks.noise import repeated  # noqa: E402
 
@@ -170,6 +171,7 @@ __all__ = [
     "Evaluation",
     "Genes",
     "Gym",
+    "Hierarchical",
     "Maze",
     "OpenLoop",
     "Sinusoids",

@@ -5,7 +5,8 @@ the masses, so the arm moves as its servos say, whatever it hits: its angles are
 
 The puck moves in straight lines between contacts, so time advances from contact to contact, not in small steps: from a
 distance to the nearest link and a bound of the speed at which it can shrink follows how long nothing can happen. Nothing
-is jumped over at any speed. In contact, steps are short enough for a link to move the puck by little.
+is jumped over at any speed. In contact, steps are short enough for a link to move the puck by little. When two pucks meet that
+fly in straight lines is known in closed form.
 
 [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022.
 """
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auroraqd import tasks
-from auroraqd._checks import number, numbers
+from auroraqd._checks import number, numbers, whole
 from auroraqd._compiled import compiled
 
 STEPS = 50
@@ -29,16 +30,19 @@ TIP = 0.0135  # m, radius of the disc at the end
 WALL = 0.99  # m, from the middle of the room to a wall
 PUCK = 0.05  # m, radius
 START = (0.55, 0.5)  # m, where the puck is placed
+SECOND = (0.35, 0.65)  # m, where a second one is: ours, within reach and near the first
 RATE = 0.3  # 1/s, joint speed over the distance to the target
 PHASE = 5.0  # s, of each of the two movements
 _FRICTION = 0.8  # geometric mean of 0.8 and 0.8
 _RESTITUTION = 0.8  # the larger of 0.8 and 0
 
 _NEAR = 1e-6  # m, a gap at which an unmoved puck counts as touched
+_STILL = 1e-12  # m/s, what is slower rests: a puck that rubs on another in a corner never has a speed of 0
 _CREEP = 2e-3  # m, how far bodies that touch may move towards each other at once
 _INTERVAL = PHASE / STEPS
 _LIMIT = WALL - PUCK  # of the middle of the puck
 _BODIES = JOINTS + 1  # links, and the tip
+_STATE = 6  # of a puck: x, y, their speeds, spin, and the gap to the arm
 
 
 @dataclass(frozen=True)
@@ -53,12 +57,15 @@ class AirHockey:
     - observation (n, 50, 2): x and y of the puck every 0.1 s, in metres, from the middle of a room of 1.98 x 1.98 m;
     - ground_truth (n, 2): the last of them.
 
+    With two pucks, observation has two streams, "first" and "second", and ground_truth is (n, 4), first the first.
+
     Args:
         restitution_threshold: m/s, an impact that is not faster does not bounce. 0: the puck always bounces, as in the paper;
             1: as in the code of the follow-up, where most pucks stick to what they hit.
+        pucks: 1, as in the paper, or 2, which hit each other too. The second is placed at (0.35, 0.65).
 
     Raises:
-        ValueError: genotypes has the wrong shape, or leaves [0, 1]; restitution_threshold is negative.
+        ValueError: genotypes has the wrong shape, or leaves [0, 1]; an argument is out of range.
 
     Examples:
         >>> import auroraqd
@@ -68,9 +75,15 @@ class AirHockey:
     """
 
     restitution_threshold: float = 0.0
+    pucks: int = 1
 
     def __post_init__(self) -> None:
         number("restitution_threshold", self.restitution_threshold)
+        whole("pucks", self.pucks, most=2)
+
+    def __repr__(self) -> str:
+        second = ", pucks=2" if self.pucks == 2 else ""  # as earlier versions have it, to whom runs of one puck are the same
+        return f"{type(self).__name__}(restitution_threshold={self.restitution_threshold!r}{second})"
 
     @property
     def n_genes(self) -> int:
@@ -85,13 +98,17 @@ class AirHockey:
         if not ((genotypes >= 0) & (genotypes <= 1)).all():
             raise ValueError("genotypes must be in [0, 1]")
         start, change = movement(genotypes)
-        observation = np.empty((len(genotypes), STEPS, 2))
-        _push(start, change, float(self.restitution_threshold), observation)
-        return tasks.Evaluation(np.zeros(len(genotypes)), observation, observation[:, -1].copy())
+        paths = np.empty((self.pucks, len(genotypes), STEPS, 2))
+        _push(start, change, float(self.restitution_threshold), paths)
+        observation = paths[0] if self.pucks == 1 else {"first": paths[0], "second": paths[1]}
+        return tasks.Evaluation(np.zeros(len(genotypes)), observation, np.concatenate(paths[:, :, -1], axis=1))
 
     def bounds(self) -> np.ndarray:
-        """(2, 50, 2): the lowest and the highest x and y, in metres, at every step: the middle of the puck in the room."""
-        return np.stack([np.full((STEPS, 2), -_LIMIT), np.full((STEPS, 2), _LIMIT)])
+        """(2, 50, 2): the lowest and the highest x and y, in metres, at every step: the middle of the puck in the room.
+
+        Of two pucks (2, 100, 2), first the first.
+        """
+        return np.stack([np.full((self.pucks * STEPS, 2), -_LIMIT), np.full((self.pucks * STEPS, 2), _LIMIT)])
 
 
 def movement(genotypes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,31 +131,34 @@ def joints(genotypes: np.ndarray, steps: int = STEPS) -> np.ndarray:
 
 
 @compiled(nogil=True, error_model="numpy")
-def _push(start, change, threshold, observation):
-    """Fill paths of the puck, (n, STEPS, 2), for movements of the arm, (n, JOINTS) each."""
+def _push(start, change, threshold, paths):
+    """Fill paths of the pucks, (pucks, n, STEPS, 2), for movements of the arm, (n, JOINTS) each."""
     arm = np.empty((_BODIES, 7))
-    puck = np.empty(5)
+    pucks = np.empty((paths.shape[0], _STATE))
     for i in range(start.shape[0]):
-        _one(start[i], change[i], threshold, arm, puck, observation[i])
+        _one(start[i], change[i], threshold, arm, pucks, paths[:, i])
 
 
 @compiled(nogil=True, error_model="numpy")
-def _one(start, change, threshold, arm, puck, path):
-    """One puck: x, y, their speeds and spin in `puck`, the arm in `arm`, see `_pose`."""
-    puck[0], puck[1] = START
-    puck[2] = puck[3] = puck[4] = 0.0
+def _one(start, change, threshold, arm, pucks, paths):
+    """One movement, with all that happens: pucks in `pucks`, see `_STATE`, the arm in `arm`, see `_pose`."""
+    pucks[:] = 0.0
     bound = _bound(change)
     _pose(start, change, 0.0, arm)
-    for _ in range(_BODIES):  # placed onto the arm: out of one link at a time
-        gap = _contacts(arm, 0.0, threshold, puck)
-        if gap >= 0:
-            break
-    puck[2] = puck[3] = puck[4] = 0.0
-    # Until it is touched, in shares of the movement: a share of it moves no point of the arm by more than `bound` times that.
+    for p in range(pucks.shape[0]):
+        pucks[p, 0], pucks[p, 1] = START if p == 0 else SECOND
+        for _ in range(_BODIES):  # placed onto the arm: out of one link at a time
+            gap = _contacts(arm, 0.0, threshold, pucks[p])
+            if gap >= 0:
+                break
+        pucks[p, 2] = pucks[p, 3] = pucks[p, 4] = 0.0
+    # Until one is touched, in shares of the movement: a share of it moves no point of the arm by more than `bound` times that.
     share = 0.0
     while bound > 0:
         _pose(start, change, share, arm)
-        gap = _gap(arm, puck[0], puck[1])
+        gap = _gap(arm, pucks[0, 0], pucks[0, 1])
+        for p in range(1, pucks.shape[0]):
+            gap = min(gap, _gap(arm, pucks[p, 0], pucks[p, 1]))
         if gap <= _NEAR:
             break
         share += gap / bound
@@ -148,31 +168,62 @@ def _one(start, change, threshold, arm, puck, path):
     for k in range(STEPS):
         sample = (k + 1) * _INTERVAL
         while time < sample:
-            time = _advance(start, change, bound, time, sample, threshold, arm, puck)
-        path[k, 0] = puck[0]
-        path[k, 1] = puck[1]
+            time = _advance(start, change, bound, time, sample, threshold, arm, pucks)
+        for p in range(pucks.shape[0]):
+            paths[p, k, 0] = pucks[p, 0]
+            paths[p, k, 1] = pucks[p, 1]
 
 
 @compiled(nogil=True, error_model="numpy")
-def _advance(start, change, bound, time, end, threshold, arm, puck):
+def _advance(start, change, bound, time, end, threshold, arm, pucks):
     """Contacts now, then a straight line for as long as there can be none; returns the new time."""
     share = _share(time)
     rate = RATE * (1 - share)
     _pose(start, change, share, arm)
-    gap = _contacts(arm, rate, threshold, puck)
-    _walls(threshold, puck)
-    speed = math.hypot(puck[2], puck[3]) + bound * rate
+    for p in range(pucks.shape[0]):
+        pucks[p, 5] = _contacts(arm, rate, threshold, pucks[p])
+    if pucks.shape[0] == 2:
+        _collide(threshold, pucks[0], pucks[1])
+    # A puck that is squeezed between another and a wall would be moved off the wall by rounding, again and again.
+    near, least = (0.0, 1e-9) if pucks.shape[0] == 1 else (_NEAR, 1e-6)
     step = end - time
+    for p in range(pucks.shape[0]):
+        _walls(threshold, pucks[p], near)
+        step = min(step, _free(bound * rate, pucks[p]))
+    if pucks.shape[0] == 2:
+        step = min(step, _meeting(pucks[0], pucks[1]))
+    for p in range(pucks.shape[0]):
+        pucks[p, 0] += step * pucks[p, 2]
+        pucks[p, 1] += step * pucks[p, 3]
+    return end if step >= end - time else time + max(step, least)
+
+
+@compiled(nogil=True, error_model="numpy")
+def _free(approach, puck):
+    """For how long a puck can touch neither the arm, no point of which is faster than `approach`, nor a wall."""
+    free, speed = np.inf, math.hypot(puck[2], puck[3]) + approach
     if speed > 0:
-        step = min(step, max(gap, _CREEP) / speed)
+        free = max(puck[5], _CREEP) / speed
         for axis in range(2):
-            if puck[2 + axis] > 0:
-                step = min(step, (_LIMIT - puck[axis]) / puck[2 + axis])
-            elif puck[2 + axis] < 0:
-                step = min(step, (-_LIMIT - puck[axis]) / puck[2 + axis])
-    puck[0] += step * puck[2]
-    puck[1] += step * puck[3]
-    return end if step >= end - time else time + max(step, 1e-9)
+            if puck[2 + axis] > _STILL:
+                free = min(free, (_LIMIT - puck[axis]) / puck[2 + axis])
+            elif puck[2 + axis] < -_STILL:
+                free = min(free, (-_LIMIT - puck[axis]) / puck[2 + axis])
+    return free
+
+
+@compiled(nogil=True, error_model="numpy")
+def _meeting(a, b):
+    """When two pucks that fly in straight lines touch; of two that touch, how long they may move towards each other at once."""
+    x, y, u, v = b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3]
+    distance, closing = math.hypot(x, y), -(x * u + y * v)
+    if closing <= 0:
+        return np.inf
+    if distance - 2 * PUCK <= _NEAR:
+        return _CREEP / math.hypot(u, v)
+    beyond = distance * distance - 4 * PUCK * PUCK
+    root = closing * closing - (u * u + v * v) * beyond
+    return beyond / (closing + math.sqrt(root)) if root >= 0 else np.inf
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -269,11 +320,28 @@ def _contacts(arm, rate, threshold, puck):
 
 
 @compiled(nogil=True, error_model="numpy")
-def _walls(threshold, puck):
-    """Bounces off the walls."""
+def _collide(threshold, a, b):
+    """Move two pucks out of each other, if they touch, and let them bounce."""
+    x, y = b[0] - a[0], b[1] - a[1]
+    distance = math.hypot(x, y)
+    gap = distance - 2 * PUCK
+    if gap > _NEAR:
+        return
+    nx, ny = (x / distance, y / distance) if distance > 0 else (1.0, 0.0)
+    apart = min(gap, 0.0) / 2
+    a[0] += apart * nx
+    a[1] += apart * ny
+    b[0] -= apart * nx
+    b[1] -= apart * ny
+    strike(a, b, nx, ny, threshold)
+
+
+@compiled(nogil=True, error_model="numpy")
+def _walls(threshold, puck, near):
+    """Bounces off the walls, also off one that is nearer than `near`."""
     for axis in range(2):
         for side in (-1.0, 1.0):
-            if puck[axis] * side >= _LIMIT:
+            if puck[axis] * side >= _LIMIT - near:
                 puck[axis] = side * _LIMIT
                 bounce(puck, -side * (1 - axis), -side * axis, 0.0, 0.0, threshold)
 
@@ -299,3 +367,27 @@ def bounce(puck, nx, ny, u, v, threshold):
     puck[2] += push * nx - grip * ny
     puck[3] += push * ny + grip * nx
     puck[4] -= 2 * grip / PUCK
+
+
+@compiled(nogil=True, error_model="numpy")
+def strike(a, b, nx, ny, threshold):
+    """An impact of two pucks, as `bounce`: discs of one mass, of which each gets half of what a wall would give.
+
+    Args:
+        a, b: x, y, their speeds, spin of each; changed.
+        nx, ny: normal, from the first to the second.
+        threshold: m/s, an impact that is not faster does not bounce.
+    """
+    closing = (a[2] - b[2]) * nx + (a[3] - b[3]) * ny
+    if closing <= 0:
+        return
+    push = closing * (1 + (_RESTITUTION if closing > threshold else 0.0)) / 2
+    # An impulse along the tangent changes the slip of the two points of contact by three times itself each.
+    slip = (a[3] - b[3]) * nx - (a[2] - b[2]) * ny + (a[4] + b[4]) * PUCK
+    grip = min(max(-slip / 6, -_FRICTION * push), _FRICTION * push)
+    a[2] -= push * nx + grip * ny
+    a[3] -= push * ny - grip * nx
+    a[4] += 2 * grip / PUCK
+    b[2] += push * nx + grip * ny
+    b[3] += push * ny - grip * nx
+    b[4] += 2 * grip / PUCK
