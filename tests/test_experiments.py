@@ -557,6 +557,7 @@ def test_quickened_variants_build(tmp_path, monkeypatch):
 
 
 REPRODUCE = ["reproduce", "ballistic"]
+PAPER_FILES = ("paper.md", "paper.html", "paper.pdf")
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -636,3 +637,19 @@ def test_command_with_results_of_other_settings(experiment):
     assert done.returncode == 1
     assert "with other settings, generations 4 and not 9" in " ".join(done.stderr.split())
     assert folders.load_config(experiment / "runs" / "genotype-0")["generations"] == 4
+
+
+def test_the_paper_at_once(tmp_path):
+    """Both experiments, one report, and nothing to do the second time."""
+    small = ["--variants", "hand-coded", "--replications", 2, "--generations", 3, "--jobs", 1, "--out", tmp_path / "out"]
+    done = commands.cli("reproduce", "paper", *small)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "4/4 hand-coded 1" in done.stdout
+    assert len(Ledger(tmp_path / "out" / "air-hockey").results) == len(Ledger(tmp_path / "out" / "ballistic").results) == 2
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"ballistic", "air-hockey", *PAPER_FILES}
+    again = commands.cli("reproduce", "paper", *small)
+    assert again.returncode == 0, again.stderr
+    assert "0 runs to do, 2 done before" in again.stdout
+    assert "Of 34 claims: 0 agree" not in again.stdout
+    wrong = commands.cli("reproduce", "papers", "--out", tmp_path / "no")
+    assert "task must be one of ballistic, air-hockey, paper, got 'papers'" in " ".join(wrong.stderr.split())

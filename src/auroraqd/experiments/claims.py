@@ -1,9 +1,9 @@
 """What the paper claims, as data: each claim with its criterion, judged by code from results alone.
 
 The criteria are one rule each for all claims of a kind, and stand here before any run to come; the results that this repository
-holds were known when they were written. A claim that is an order of two variants agrees if the rank-sum test tells them apart in
-that order, at 5% after Holm's correction for all pairs of the same measure. A median agrees within a factor of 1.5. Claims that
-need what results do not keep, or runs that are not there, cannot be known.
+holds were known when they were written. A claim that is an order of two variants agrees if the rank-sum test tells them apart
+in that order, at 5% after Holm's correction for all pairs of the same measure. A median agrees within a factor of 1.5. Claims
+that need what results do not keep, or runs that are not there, cannot be known.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -326,7 +326,7 @@ _BALLISTIC = (
         "20 runs, 5,000 of 200",
         "the same, and at least as many runs of each",
         _protocol(_PAPER_1),
-        "Fewer runs of the slow variants; `auroraqd reproduce paper` adds them.",
+        "Fewer runs of the slow variants; auroraqd reproduce paper adds them.",
     ),
     _klc("hand-coded", "the hand-coded descriptor, the reference", 0.0),
     _klc("pca-incremental", "AURORA-PCA incremental", 0.051),
@@ -424,7 +424,7 @@ _BALLISTIC = (
         f"the generation from which on {_SETTLED:.0%} of the final size are kept is not told apart as later than hand-coded, "
         f"p < {LEVEL:g} after Holm",
         _no_slower(("pca-incremental", "ae-incremental"), "hand-coded"),
-        "By size; the paper does not say by what. An update late in a run takes individuals away (claim before).",
+        "The paper does not say by what it compares; here it is the size of the repertoire.",
     ),
 )
 

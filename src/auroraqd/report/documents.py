@@ -13,11 +13,13 @@ from typing import NamedTuple
 import matplotlib as mpl
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from auroraqd._files import replacing
 from auroraqd.report.style import STYLE, png_of
 
 _DPI = 110
+_NO_DATE = {"CreationDate": None}  # or the same report would give another file each time
 _CSS = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1250px; margin: 2em auto; padding: 0 1.5em }
 h1, h2, h3 { line-height: 1.25 } h2 { margin-top: 2.2em; border-bottom: 1px solid #ccc } h3 { margin-top: 1.8em }
@@ -108,23 +110,22 @@ def _cell(text: str) -> str:
 
 def write_pdf(document: Document, path: Path) -> None:
     """As PDF: text and tables on pages of A4, across; a picture on a page of its own."""
-    with mpl.rc_context({**STYLE, "pdf.fonttype": 42}), replacing(path) as file:
-        with PdfPages(file, metadata={"CreationDate": None}) as pdf:
-            sheets = _Sheets(pdf)
-            for block in document:
-                match block:
-                    case Heading(text, level):
-                        sheets.line(text, {1: 18, 2: 14}.get(level, 11), before=0.25, weight="bold", keep=1.2)
-                    case Text(text):
-                        for line in textwrap.wrap(text, 165):
-                            sheets.line(line, 9)
-                    case Table():
-                        sheets.table(block)
-                    case Picture(figure, caption):
-                        sheets.finish()
-                        figure.text(0.5, 1.01, caption, ha="center", va="bottom", fontsize=9, color="#444444")
-                        pdf.savefig(figure, bbox_inches="tight", pad_inches=0.3, dpi=150)
-            sheets.finish()
+    with mpl.rc_context({**STYLE, "pdf.fonttype": 42}), replacing(path) as file, PdfPages(file, metadata=_NO_DATE) as pdf:
+        sheets = _Sheets(pdf)
+        for block in document:
+            match block:
+                case Heading(text, level):
+                    sheets.line(text, {1: 18, 2: 14}.get(level, 11), before=0.25, weight="bold", keep=1.2)
+                case Text(text):
+                    for line in textwrap.wrap(text, 165):
+                        sheets.line(line, 9)
+                case Table():
+                    sheets.table(block)
+                case Picture(figure, caption):
+                    sheets.finish()
+                    figure.text(0.5, 1.01, caption, ha="center", va="bottom", fontsize=9, color="#444444")
+                    pdf.savefig(figure, bbox_inches="tight", pad_inches=0.3, dpi=150)
+        sheets.finish()
 
 
 class _Sheets:
@@ -155,7 +156,7 @@ class _Sheets:
         size = 7.0 if len(table.header) < 9 else 5.6
         inside = self._width - 2 * self._margin
         widths = [inside * share for share in table.widths] or self._even(table, inside)
-        columns = [max(4, int(width * 72 / (size * 0.56))) for width in widths]
+        columns = [max(4, int((width - 0.08) * 72 / (size * 0.57))) for width in widths]
 
         def wrapped(row: Sequence[str]) -> list[list[str]]:
             return [textwrap.wrap(cell, most) or [""] for cell, most in zip(row, columns, strict=True)]
@@ -170,7 +171,7 @@ class _Sheets:
     def _even(self, table: Table, inside: float) -> list[float]:
         """Widths by the longest cell of each column."""
         longest = [max(len(row[i]) for row in (table.header, *table.rows)) + 2 for i in range(len(table.header))]
-        return [min(inside * share / sum(longest), 0.075 * share) for share in longest]
+        return [min(inside * share / sum(longest), 0.08 + 0.075 * share) for share in longest]
 
     def _row(self, cells: list[list[str]], widths: list[float], size: float, header: list[list[str]]) -> None:
         height = max(map(len, cells)) * size * 1.25 / 72 + 0.06
@@ -187,7 +188,7 @@ class _Sheets:
         self._y = top - height
         assert self._figure is not None
         rule = [self._margin / self._width, (x - 0.05) / self._width], [(self._y + 0.01) / self._height] * 2
-        self._figure.add_artist(mpl.lines.Line2D(*rule, color="#bbbbbb", linewidth=0.9 if cells is header else 0.4))
+        self._figure.add_artist(Line2D(*rule, color="#bbbbbb", linewidth=0.9 if cells is header else 0.4))
 
     def _put(self, x: float, text: str, size: float, *, weight: str, color: str = "black") -> None:
         assert self._figure is not None

@@ -16,7 +16,7 @@ from auroraqd._files import as_path, folder_at, replacing
 from auroraqd.experiments.claims import Evidence, Judged, Verdict, judge
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Diversity
-from auroraqd.experiments.statistics import Quartiles, comparisons
+from auroraqd.experiments.statistics import Quartiles, comparisons, values_of
 from auroraqd.experiments.variants import EXPERIMENTS, Experiment
 from auroraqd.report.diversity import diversity_figure
 from auroraqd.report.documents import Document, Heading, Picture, Table, Text, markdown, page, write_pdf
@@ -25,7 +25,8 @@ from auroraqd.report.panels import panel_figure
 from auroraqd.report.style import STYLE
 
 _TITLES = {"ballistic": "First scenario: ballistic task", "air-hockey": "Second scenario: air hockey"}
-_CLAIM_WIDTHS = (0.22, 0.09, 0.20, 0.25, 0.08, 0.16)
+_VERBS = {Verdict.AGREES: "agree", Verdict.DIFFERS: "differ", Verdict.UNKNOWN: "cannot be known"}
+_CLAIM_WIDTHS = (0.18, 0.10, 0.08, 0.16, 0.23, 0.1, 0.15)
 
 
 def write_paper(ledgers: Mapping[str, Ledger], folder: str | Path) -> list[Path]:
@@ -59,15 +60,15 @@ def paper_document(ledgers: Mapping[str, Ledger]) -> Document:
     """The report as data."""
     judged = judge({task: Evidence(ledger.results, ledger.points) for task, ledger in ledgers.items()})
     counts = Counter(one.verdict for one in judged)
-    tally = ", ".join(f"{counts[verdict]} {verdict.value}" for verdict in Verdict)
+    tally = ", ".join(f"{counts[verdict]} {verb}" for verdict, verb in _VERBS.items())
     blocks: list[Heading | Text | Table | Picture] = [
         Heading("The paper beside these results", 1),
         Text(
-            "A. Cully, Autonomous skill discovery with Quality-Diversity and Unsupervised Descriptors, GECCO 2019. Each claim of "
-            "the paper about its results is judged by code, by a criterion that is the same for all claims of a kind. Results "
-            "here are medians over replications. A is the probability that a run of the first variant has the larger value, "
-            "with its 95% interval (Vargha and Delaney; Newcombe); p is of the two-sided rank-sum test, after Holm's correction "
-            "for all pairs of variants in the same measure."
+            "A. Cully, Autonomous skill discovery with Quality-Diversity and Unsupervised Descriptors, GECCO 2019. Each "
+            "claim of the paper about its results is judged by code, by a criterion that is the same for all claims of a "
+            "kind. Results here are medians over replications. A is the probability that a run of the first variant has "
+            "the larger value, with its 95% interval (Vargha and Delaney; Newcombe); p is of the two-sided rank-sum test,"
+            " after Holm's correction for all pairs of variants in the same measure."
         ),
         Text(f"Of {len(judged)} claims: {tally}."),
     ]
@@ -80,8 +81,12 @@ def paper_document(ledgers: Mapping[str, Ledger]) -> Document:
 
 
 def _claims(judged: Sequence[Judged]) -> Table:
-    rows = [(one.claim.text, one.claim.published, one.claim.criterion, one.ours, one.verdict.value, one.why) for one in judged]
-    return Table(("the paper says", "published", "agrees if", "here", "verdict", "what is known"), rows, _CLAIM_WIDTHS)
+    header = ("the paper says", "where", "published", "agrees if", "here", "verdict", "what is known")
+    rows = [
+        (c.text, c.section, c.published, c.criterion, one.ours, one.verdict.value, one.why)
+        for one, c in ((one, one.claim) for one in judged)
+    ]
+    return Table(header, rows, _CLAIM_WIDTHS)
 
 
 def _results(ledger: Ledger, experiment: Experiment) -> list[Heading | Text | Table | Picture]:
@@ -113,20 +118,21 @@ def _results(ledger: Ledger, experiment: Experiment) -> list[Heading | Text | Ta
 def medians_figure(ledger: Ledger, experiment: Experiment) -> Figure:
     """The first measure of each variant: the paper's median, and ours with quartiles."""
     measure = experiment.measures[0]
-    shown = [v for v in experiment.variants.values() if v.paper]
+    shown = {v.title: (v.name, v.paper) for v in experiment.variants.values() if v.paper}
+    values = values_of(ledger.results, measure.name)
+    median, first, third = np.array([Quartiles.of(values.get(name, np.empty(0))) for name, _ in shown.values()]).T
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8, 0.6 + 0.42 * len(shown)), layout="constrained")
-        axes = figure.subplots()
-        for y, variant in enumerate(shown):
-            values = [r.value(measure.name) for r in ledger.results if r.variant == variant.name]
-            q = Quartiles.of(np.array(values))
-            ours = axes.errorbar(q.median, y, xerr=[[q.median - q.first], [q.third - q.median]], fmt="o", color="#1f7a6f", ms=6)
-            (theirs,) = axes.plot([variant.paper], [y], "D", color="#c8553d", ms=6, mfc="none", mew=1.5)
-        axes.set_yticks(range(len(shown)), [variant.title for variant in shown])
+        figure = Figure(figsize=(8, 0.9 + 0.4 * len(shown)), layout="constrained")
+        axes, places = figure.subplots(), np.arange(len(shown))
+        span = [median - first, third - median]
+        axes.errorbar(median, places, xerr=span, fmt="o", color="#1f7a6f", ms=6, label="here")
+        paper = [paper for _, paper in shown.values()]
+        axes.plot(np.array(paper, float), places, "D", color="#c8553d", ms=6, mfc="none", mew=1.5, label="paper")
+        axes.set_yticks(places, list(shown))
         axes.invert_yaxis()
         axes.set_xscale("log")
         axes.set_xlabel(measure.title)
         axes.grid(axis="x", color="#dddddd", linewidth=0.6)
         axes.set_axisbelow(True)
-        figure.legend([theirs, ours], ["paper", "here"], loc="outside upper right", ncols=2, frameon=False)
+        figure.legend(loc="outside upper right", ncols=2, frameon=False)
     return figure
