@@ -28,6 +28,7 @@ class AllWithAll:
         self.reach = np.sqrt(squares[: len(centroids)].max())
 
     def __call__(self, x):
+        """(n, d) to (n,)."""
         asked = np.column_stack([-2 * x, np.ones(len(x))]).astype(np.float32)
         lowest = np.empty((len(x), self.screen.shape[1] // GROUP), np.float32)
         for start in range(0, self.screen.shape[1], 4096):

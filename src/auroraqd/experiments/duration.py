@@ -75,14 +75,14 @@ class TimeLeft:
 
 
 def spoken(seconds: float) -> str:
-    """A duration in words.
+    """About how long, in words.
 
     Examples:
         >>> from auroraqd.experiments.duration import spoken
         >>> spoken(40), spoken(400), spoken(40_000)
-        ('less than a minute', '7 min', '11 h 7 min')
+        ('less than a minute', 'about 7 min', 'about 11 h 7 min')
     """
     minutes = round(seconds / 60)
     if seconds < 60:
         return "less than a minute"
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+    return f"about {minutes} min" if minutes < 60 else f"about {minutes // 60} h {minutes % 60} min"

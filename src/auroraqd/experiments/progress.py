@@ -105,7 +105,7 @@ class ExperimentProgress:
 
     def _time_left(self) -> str:
         seconds = self._left.seconds()
-        return "" if seconds is None else f"about {spoken(seconds)} left"
+        return "" if seconds is None else f"{spoken(seconds)} left"
 
     def _line(self, text: str) -> None:
         self._bar.console.print(text, highlight=False, soft_wrap=True)
