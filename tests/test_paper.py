@@ -16,6 +16,7 @@ from auroraqd.experiments.runner import Status
 from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS
 from auroraqd.report import write_paper
 from auroraqd.report.documents import markdown
+from auroraqd.report.experiment import summary_markdown
 from auroraqd.report.paper import paper_document
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -136,6 +137,8 @@ def test_what_is_known_is_said_of_claims_that_do_not_agree():
 def test_the_report_of_the_committed_results_is_up_to_date():
     """`auroraqd reproduce paper --replications 5 --out results` writes it anew."""
     assert (RESULTS / "paper.md").read_text() == markdown(paper_document(LEDGERS))
+    for task, experiment in EXPERIMENTS.items():
+        assert (RESULTS / task / "summary.md").read_text() == summary_markdown(LEDGERS[task], experiment)
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=list(EXPERIMENTS))

@@ -72,7 +72,7 @@ def markdown(document: Document) -> str:
             case Heading(text, level):
                 parts.append(f"{'#' * level} {text}")
             case Text(text):
-                parts.append("\n".join(textwrap.wrap(text, 140)))
+                parts.append("\n".join(textwrap.wrap(text, 140, break_on_hyphens=False)))
             case Table(header, rows):
                 lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
                 parts.append("\n".join(f"| {' | '.join(line)} |" for line in lines))
