@@ -6,6 +6,7 @@ What is found, not how fast, is measured by commands of their own: `adaptation.p
 
 import argparse
 
+import cells
 import endurance
 import hockey
 import learned
@@ -18,5 +19,6 @@ speed.main()
 hockey.main()
 endurance.main()
 learned.main()
+cells.main()
 robots.main()
 peers.main()

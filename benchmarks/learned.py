@@ -1,4 +1,4 @@
-"""How fast and how well auto-encoders learn descriptors, and how fast CVT archives are.
+"""How fast and how well auto-encoders learn descriptors.
 
     python benchmarks/learned.py            # everything but the two below, about ten minutes
     python benchmarks/learned.py --paper    # one update by the paper's protocol beside the default one: half an hour
@@ -103,20 +103,6 @@ def grown(options, seed, generations):
     return len(aurora.archive), score, aurora.history.last.rmse, seconds
 
 
-def cvt(cells=100_000, samples=200_000):
-    """Centroids of the box of trajectories, and generations of MAP-Elites on them."""
-    print(f"\n### CVT without prior: {cells:,} centroids in 100 dimensions\n")
-    points = np.random.default_rng(0).uniform(-1, 1, (samples, 100))
-    since = time.perf_counter()
-    found = auroraqd.tessellate(points, cells, steps=5, cache=False)
-    print(f"{found}: {time.perf_counter() - since:.0f} s")
-    task = auroraqd.tasks.Ballistic()
-    aurora = auroraqd.Aurora(2, "observation", prior=task.bounds(), archive=auroraqd.CVTArchive(found), seed=0)
-    aurora.run(task, generations=10)
-    seconds = [median_seconds(lambda: aurora.run(task, generations=1), 1) for _ in range(100)]
-    print(f"a generation of 200: {1e3 * np.median(seconds):.0f} ms (median of 100)", flush=True)
-
-
 def ablations(generations=1500, seeds=2):
     """What the weight of the isometry and the length of training do to coverage and reconstruction."""
     print(f"### AURORA-AE incremental at {generations} generations, {seeds} seeds\n")
@@ -160,7 +146,6 @@ def main():
     updates(default)
     encoding()
     paper_size()
-    cvt()
 
 
 if __name__ == "__main__":

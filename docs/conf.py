@@ -1,7 +1,9 @@
 """The documentation: `sphinx-build -W --keep-going -b html docs OUT`. Nothing is fetched, and nothing long is run."""
 
+import shutil
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
 
@@ -68,3 +70,21 @@ html_theme_options = {
 html_sidebars = {"index": []}
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
+
+
+def setup(app):
+    """Write the report on the paper's claims, with its figures, beside the page that has its tables."""
+
+    def report(app, error):
+        from auroraqd.experiments.ledger import Ledger
+        from auroraqd.report import write_paper
+
+        if error is None and app.builder.name == "html":
+            results = Path(__file__).parents[1] / "results"
+            ledgers = {task: Ledger(results / task) for task in ("ballistic", "air-hockey")}
+            with TemporaryDirectory() as folder:
+                for path in write_paper(ledgers, folder):
+                    if path.suffix != ".md":
+                        shutil.copy(path, Path(app.outdir, "results", f"paper_report{path.suffix}"))
+
+    app.connect("build-finished", report)

@@ -655,3 +655,29 @@ def maze(weights, walls, steps, x=60.0, y=450.0, heading=math.pi / 4):
                 left, right = float(side >= 0), float(side <= 0)
         places.append((x, y))
     return places, effort
+
+
+def superiority(one, other):
+    """How often a value of the one is larger than one of the other, ties counted half."""
+    return sum((a > b) + (a == b) / 2 for a in one for b in other) / (len(one) * len(other))
+
+
+def superiority_interval(a, n, m, z=1.959963984540054, steps=20_000):
+    """The probabilities that an estimate does not lie significantly away from, the smallest and the largest, by trying."""
+    inside = []
+    for i in range(steps + 1):
+        p = i / steps
+        others = (n + m) / 2 - 1
+        variance = p * (1 - p) * (1 + others * (1 - p) / (2 - p) + others * p / (1 + p)) / (n * m)
+        if (p - a) ** 2 <= z * z * variance:
+            inside.append(p)
+    return min([a, *inside]), max([a, *inside])
+
+
+def holm(pvalues):
+    """The smallest level at which a step-down procedure rejects each."""
+    n, corrected = len(pvalues), []
+    for p in pvalues:
+        up_to = sorted(q for q in pvalues if q <= p)
+        corrected.append(min(1.0, max((n - i) * q for i, q in enumerate(up_to))))
+    return corrected

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import auroraqd
 from auroraqd.archives import cvt
+from auroraqd.archives._nearest import Nearest
 
 
 @pytest.fixture(autouse=True)
@@ -116,6 +117,76 @@ def test_cells_of_a_batch_do_not_depend_on_the_batch():
     x = rng.uniform(-1, 1, (2500, 100))
     together = archive.cell_of(x)
     assert_array_equal(together[:40], [archive.cell_of(row[None])[0] for row in x[:40]])
+
+
+def smooth(rng, n, directions=6, d=100):
+    """Points of many dimensions that lie close to a space of few, as trajectories do."""
+    waves = np.cos(np.outer(np.arange(directions), np.linspace(0, np.pi, d)))
+    return rng.uniform(-1, 1, (n, directions)) @ waves + 0.01 * rng.normal(size=(n, d))
+
+
+def everyone(centroids, x):
+    """The nearest by looking at all, in the arithmetic of the archive; points of ordinary size."""
+    size = np.maximum(
+        np.abs(x - (centroids.min(axis=0) + centroids.max(axis=0)) / 2).max(axis=1), np.ptp(centroids, axis=0).max() / 4
+    )
+    scale = np.exp2(-np.frexp(size)[1].astype(float))
+    return np.array([((centroids * s - row * s) ** 2).sum(axis=1).argmin() for row, s in zip(x, scale, strict=True)])
+
+
+def batches():
+    """Centroids, and batches of descriptors that are asked for one after the other."""
+    rng = np.random.default_rng(4)
+    noise, waves = rng.uniform(-1, 1, (3000, 100)), smooth(rng, 3000)
+    yield "waves among noise", noise, [smooth(rng, 200) for _ in range(3)]
+    yield "waves among waves", waves, [smooth(rng, 200), waves[:200], waves[200:400] + 1e-13]
+    yield "noise among noise", noise, [rng.uniform(-1, 1, (200, 100)) for _ in range(2)]
+    yield (
+        "other directions each time",
+        noise,
+        [smooth(rng, 50, k) @ np.diag(rng.choice([-1.0, 1.0], 100)) for k in (1, 2, 5, 9)],
+    )
+    yield "one at a time", noise, list(rng.uniform(-1, 1, (12, 1, 100)))
+    yield "copies", waves, [np.repeat(smooth(rng, 10), 20, axis=0)] * 2
+    twice = np.concatenate([waves, waves + 1e-15])
+    yield "nearly copies of each other", twice, [smooth(rng, 100), waves[:100]]
+    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 11)).reshape(11, -1).T
+    yield "all equally far", corners, [np.zeros((3, 11)), np.eye(11), rng.integers(-2, 3, (60, 11)).astype(float)]
+    yield (
+        "clusters",
+        np.repeat(rng.normal(size=(30, 40)), 60, axis=0) + 1e-6 * rng.normal(size=(1800, 40)),
+        [rng.normal(size=(99, 40))],
+    )
+    yield "one dimension", rng.normal(size=(500, 1)), [rng.normal(size=(300, 1)), np.zeros((2, 1))]
+    yield "one centroid", np.ones((1, 100)), [smooth(rng, 20), np.ones((1, 100))]
+    yield "at the middle", np.concatenate([waves, -waves]), [np.zeros((5, 100)), 1e-20 * rng.normal(size=(5, 100))]
+    yield (
+        "far and near",
+        waves,
+        [np.concatenate([smooth(rng, 20), 1e3 * smooth(rng, 20), 1e9 * smooth(rng, 20), 1e150 * smooth(rng, 9)])],
+    )
+    yield "huge", 1e150 * waves, [1e150 * smooth(rng, 100)]
+    yield "more than are remembered", noise[:70], [smooth(rng, 9000), smooth(rng, 900)]
+
+
+@pytest.mark.parametrize(("centroids", "asked"), [pytest.param(c, x, id=name) for name, c, x in batches()])
+def test_bounds_leave_out_nobody(centroids, asked):
+    archive = auroraqd.CVTArchive(centroids)
+    for x in asked:
+        assert_array_equal(archive.cell_of(x), everyone(archive.tessellation.centroids, x))
+        assert_array_equal(archive.cell_of(x[::-1]), archive.cell_of(x)[::-1])
+
+
+def test_few_directions_serve_descriptors_that_are_alike():
+    rng = np.random.default_rng(5)
+    nearest = Nearest(rng.uniform(-1, 1, (3000, 100)))
+    nearest(smooth(rng, 100))
+    few = nearest.directions
+    assert few < 30
+    nearest(smooth(rng, 100))
+    assert nearest.directions == few
+    nearest(rng.uniform(-1, 1, (100, 100)))
+    assert nearest.directions == 100
 
 
 def test_elites_of_a_cvt_agree_with_the_twin():

@@ -53,7 +53,14 @@ WITHOUT = {  # results, protocols, errors; what needs a service, a cluster or a 
         "report.history_figure",
         "report.repertoire_figure",
     ),
-    *("report.write_figures", "report.write_report", "tasks.ClosedLoop", "tasks.Episode", "tasks.OpenLoop"),
+    *(
+        "report.write_figures",
+        "report.write_paper",
+        "report.write_report",
+        "tasks.ClosedLoop",
+        "tasks.Episode",
+        "tasks.OpenLoop",
+    ),
 }
 UNLISTED = {"descriptors.networks.chosen", "descriptors.networks.is_image", "metrics.grid_of"}
 

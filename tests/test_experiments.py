@@ -1,6 +1,7 @@
 import json
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import time
@@ -9,11 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import commands
+import naive
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from matplotlib import image
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.stats import ranksums
+from scipy.special import ndtr
+from scipy.stats import mannwhitneyu, ranksums
 
 import auroraqd
 from auroraqd import _workers
@@ -21,7 +26,7 @@ from auroraqd.experiments import settings
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
 from auroraqd.experiments.runner import execute, plan
-from auroraqd.experiments.statistics import Quartiles, rank_sums, summaries
+from auroraqd.experiments.statistics import Effect, Quartiles, comparisons, holm, rank_sums, summaries
 from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS, Variant
 from auroraqd.report import write_report
 from auroraqd.runs import folders
@@ -464,6 +469,40 @@ def test_rank_sums():
     assert rank_sums(exact, "klc")["genotype", "cvt"] == pytest.approx(0.1)  # 2 of 20 orders
 
 
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=12), st.lists(st.integers(0, 9), min_size=1, max_size=12))
+@example([5, 6], [1, 2]).via("no overlap")
+@example([1], [2]).via("one each")
+@example([3] * 12, [3] * 5).via("all alike")
+def test_effects_agree_with_their_twin(one, other):
+    a, low, high = Effect.of(np.array(one, float), np.array(other, float))
+    assert a == pytest.approx(naive.superiority(one, other))
+    assert a == pytest.approx(mannwhitneyu(one, other).statistic / (len(one) * len(other)))
+    assert (low, high) == pytest.approx(naive.superiority_interval(a, len(one), len(other), steps=2000), abs=1e-3)
+    assert Effect.of(np.array(other, float), np.array(one, float)) == pytest.approx((1 - a, 1 - high, 1 - low))
+
+
+def test_intervals_of_effects_hold_what_they_promise():
+    """Where both are drawn from normal distributions one standard deviation apart, 0.76 is in about 95% of them."""
+    rng = np.random.default_rng(0)
+    truth = ndtr(1 / np.sqrt(2))
+    drawn = [Effect.of(rng.normal(1, 1, 20), rng.normal(0, 1, 10)) for _ in range(600)]
+    assert 0.92 < np.mean([low <= truth <= high for _, low, high in drawn]) < 0.99
+
+
+@given(st.lists(st.sampled_from([0.0, 1e-9, 0.001, 0.01, 0.012, 0.04, 0.2, 0.9, 1.0]), max_size=12))
+def test_holm_agrees_with_its_twin(pvalues):
+    assert holm(pvalues) == pytest.approx(naive.holm(pvalues))
+
+
+def test_comparisons_are_of_all_pairs():
+    rows = [result(name, i, klc=float(10 * k + i)) for k, name in enumerate(["genotype", "cvt", "ae"]) for i in range(4)]
+    found = comparisons([*rows, result("hand-coded", 0, klc=0.0)], "klc")
+    assert {pair: c.p for pair, c in found.items()} == rank_sums(rows, "klc")
+    assert [c.corrected for c in found.values()] == pytest.approx([3 * 2 / 70] * 3)
+    assert found["genotype", "cvt"].effect.a == 0
+    assert found["genotype", "cvt"].swapped.effect.a == 1
+
+
 def check_pictures(files):
     for path in files:
         if path.suffix == ".png":
@@ -488,6 +527,8 @@ def test_report(experiment):
     text = (experiment / "summary.md").read_text()
     assert "| AURORA-PCA incremental | 2 | 0.051 |" in text
     assert "Rank-sum tests on the KLC" in text
+    assert "after Holm's correction for these 3 pairs" in text
+    assert re.search(r"\| hand-coded \| 0\.00 \(0\.00, 0\.\d\d\), p = ", text)
 
 
 def test_report_of_air_hockey(air_hockey):
@@ -516,6 +557,7 @@ def test_quickened_variants_build(tmp_path, monkeypatch):
 
 
 REPRODUCE = ["reproduce", "ballistic"]
+PAPER_FILES = ("paper.md", "paper.html", "paper.pdf")
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -595,3 +637,16 @@ def test_command_with_results_of_other_settings(experiment):
     assert done.returncode == 1
     assert "with other settings, generations 4 and not 9" in " ".join(done.stderr.split())
     assert folders.load_config(experiment / "runs" / "genotype-0")["generations"] == 4
+
+
+def test_the_paper_at_once(tmp_path):
+    """Both experiments, and one report."""
+    small = ["--variants", "hand-coded", "--replications", 1, "--generations", 2, "--jobs", 1, "--out", tmp_path / "out"]
+    done = commands.cli("reproduce", "paper", *small)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "2/2 hand-coded 0" in done.stdout
+    assert len(Ledger(tmp_path / "out" / "air-hockey").results) == len(Ledger(tmp_path / "out" / "ballistic").results) == 1
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"ballistic", "air-hockey", *PAPER_FILES}
+    assert "Of 34 claims: 1 agree" in done.stdout  # the reference beside itself
+    wrong = commands.cli("reproduce", "papers", "--out", tmp_path / "no")
+    assert "task must be one of ballistic, air-hockey, paper, got 'papers'" in " ".join(wrong.stderr.split())

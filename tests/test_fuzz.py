@@ -338,6 +338,7 @@ def calls(folder):
         ),
         "report.film": Call(lambda: report.film, {"genotypes": GOOD, "path": "x.gif"}, ("task",)),
         "report.write_report": Call(lambda: report.write_report, {"experiment": None}, ("ledger",)),
+        "report.write_paper": Call(lambda: report.write_paper, {"ledgers": {}, "folder": "paper"}),
         "UnstructuredArchive": Call(lambda: auroraqd.UnstructuredArchive, {}),
         "UnstructuredArchive.adjust": Call(lambda: lambda l: filled(archives()[0]).adjust(l), {"l": 1}),
         "UnstructuredArchive.l": Call(lambda: lambda l: setattr(filled(archives()[0]), "l", l), {"l": 1}),

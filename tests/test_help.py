@@ -15,6 +15,7 @@ from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.cli import app
 from auroraqd.cli._names import NAMES
 from auroraqd.experiments import settings
+from auroraqd.experiments.variants import EXPERIMENTS
 
 COMMANDS = typer.main.get_command(app).commands
 
@@ -49,7 +50,12 @@ def test_examples_in_help_are_in_one_line_to_be_copied(width):
 
 
 def test_names_that_are_completed_are_those_that_there_are():
-    there = {"task": settings.TASKS, "descriptor": settings.DESCRIPTORS, **settings.STRATEGIES}
+    there = {
+        "task": settings.TASKS,
+        "experiment": [*EXPERIMENTS, "paper"],
+        "descriptor": settings.DESCRIPTORS,
+        **settings.STRATEGIES,
+    }
     assert {kind: {name for name in names if ":" not in name} for kind, names in there.items()} == {
         kind: set(names) for kind, names in NAMES.items() if kind != "competition"
     }

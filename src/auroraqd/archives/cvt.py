@@ -21,12 +21,9 @@ from numpy.typing import ArrayLike
 from auroraqd._caches import cache_folder
 from auroraqd._checks import MOST_SEED, flag, numbers, shown, whole
 from auroraqd._files import replacing
+from auroraqd.archives._nearest import Nearest
 from auroraqd.archives.grid import CellArchive
 
-_BLOCK = 4096  # centroids a matrix product
-_GROUP = 64  # centroids whose smallest score is kept; divides _BLOCK
-_ROWS = 1024  # descriptors at a time
-_FAR = 1e4  # times as far from the middle as any centroid
 _CACHE_VERSION = 1
 _MOST_STEPS = 10**6
 
@@ -120,7 +117,7 @@ def _lloyd(samples: np.ndarray, cells: int, steps: int, seed: int) -> Tessellati
 class CVTArchive(CellArchive):
     """MAP-Elites on the Voronoi cells of centroids: an individual belongs to the nearest, of several the first.
 
-    Nearest is exact: scores in single precision by matrix products leave a few centroids, and direct differences in double
+    Nearest is exact: bounds in few dimensions and single precision leave a few centroids, and direct differences in double
     precision decide among them.
 
     Args:
@@ -152,17 +149,7 @@ class CVTArchive(CellArchive):
         points = points[np.sort(first)]
         points.flags.writeable = False
         self.tessellation = Tessellation(points, asked, samples, steps)
-        # Scores are distances of points moved near the origin and scaled down, so that single precision neither runs out
-        # of range nor loses more than it must.
-        self._middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
-        near = points - self._middle
-        self._unit = float(np.abs(near).max()) or 1.0
-        near = near / self._unit
-        pad = -len(near) % _GROUP
-        squares = np.concatenate([(near**2).sum(axis=1), np.full(pad, np.inf)])
-        near = np.concatenate([near, np.zeros((pad, near.shape[1]))])
-        self._screen = np.ascontiguousarray(np.column_stack([near, squares]).T, np.float32)  # (d + 1, cells, padded)
-        self._reach = float(np.sqrt(squares[: len(points)].max()))
+        self._nearest = Nearest(points)
 
     def __repr__(self) -> str:
         return f"CVTArchive({self.tessellation}): {len(self)} individuals"
@@ -194,40 +181,7 @@ class CVTArchive(CellArchive):
         return self.tessellation.centroids.shape[1]
 
     def _cells(self, descriptor: np.ndarray) -> np.ndarray:
-        parts = [self._nearest(descriptor[start : start + _ROWS]) for start in range(0, len(descriptor), _ROWS)]
-        return np.concatenate(parts) if parts else np.empty(0, np.int64)
-
-    def _nearest(self, x: np.ndarray) -> np.ndarray:
-        """The nearest centroid of each of a few descriptors, (n, d)."""
-        n, d = x.shape
-        with np.errstate(over="ignore"):  # what is infinite is far
-            near = (x - self._middle) / self._unit
-        length = np.abs(near).max(axis=1) * np.sqrt(d)  # at most: for the bounds below
-        far = length > _FAR  # their scores say too little: all centroids are looked at
-        near[far] = 0
-        scored = np.column_stack([-2 * near, np.ones(n)]).astype(np.float32)
-        groups = self._screen.shape[1] // _GROUP
-        lowest = np.empty((n, groups), np.float32)  # of |c|^2 - 2 x c in each group of centroids
-        for start in range(0, self._screen.shape[1], _BLOCK):
-            scores = scored @ self._screen[:, start : start + _BLOCK]
-            lowest[:, start // _GROUP : (start + scores.shape[1]) // _GROUP] = scores.reshape(n, -1, _GROUP).min(axis=2)
-        # Rounding of the inputs and of a sum of d + 1 products [Higham, Accuracy and Stability, Sec. 3.1], on both sides.
-        terms = self._reach**2 + 2 * self._reach * np.where(far, 0, length)
-        slack = 2 * (d + 4) * np.finfo(np.float32).eps * terms
-        slack[far] = np.inf
-        row, group = np.nonzero(lowest <= (lowest.min(axis=1) + slack)[:, None])
-        best = np.full(n, np.inf)
-        nearest = np.zeros(n, np.int64)
-        points = self.tessellation.centroids
-        # By a power of two, which changes no digit, so that squares neither overflow nor vanish.
-        size = np.maximum(np.abs(x / 2 - self._middle / 2).max(axis=1), self._unit / 2)
-        scale = np.exp2(-np.clip(np.frexp(size)[1], -1000, 1000).astype(float))
-        for i, start in zip(row.tolist(), (group * _GROUP).tolist(), strict=True):
-            distance = ((points[start : start + _GROUP] * scale[i] - x[i] * scale[i]) ** 2).sum(axis=1)
-            j = int(distance.argmin())
-            if distance[j] < best[i]:
-                best[i], nearest[i] = distance[j], start + j
-        return nearest
+        return self._nearest(descriptor)
 
 
 def _points(name: str, values: ArrayLike) -> np.ndarray:

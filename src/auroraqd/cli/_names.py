@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 NAMES = {
     "task": ("ballistic", "air-hockey", "air-hockey-camera", "maze"),
+    "experiment": ("ballistic", "air-hockey", "paper"),
     "descriptor": ("pca", "autoencoder", "hand-coded", "genotype", "observation"),
     "emitter": ("genetic", "goals", "novelty-search", "nslc", "taxons"),
     "selection": ("curiosity", "uniform", "novelty", "surprise", "mixed"),

@@ -1,9 +1,9 @@
-"""`auroraqd reproduce`: to repeat an experiment of the paper."""
+"""`auroraqd reproduce`: to repeat an experiment of the paper, or all of it."""
 
 import signal
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -14,12 +14,20 @@ from auroraqd.cli.growing import compile_kernels
 
 if TYPE_CHECKING:
     from auroraqd.experiments import Settings
+    from auroraqd.experiments.ledger import Ledger
     from auroraqd.experiments.replication import Job
     from auroraqd.experiments.variants import Experiment
 
+PAPER = "paper"  # both experiments
+
 
 def reproduce(
-    task: Annotated[str, typer.Argument(autocompletion=completed("task"), help="Whose experiment: ballistic or air-hockey.")],
+    task: Annotated[
+        str,
+        typer.Argument(
+            autocompletion=completed("experiment"), help="Whose experiment: ballistic, air-hockey, or paper for both."
+        ),
+    ],
     replications: Annotated[int, typer.Option(help="Runs of each variant.")] = 20,
     generations: Annotated[int, typer.Option(help="Generations of 200 evaluations a run.")] = 5000,
     variants: Annotated[
@@ -38,23 +46,24 @@ def reproduce(
         Path | None, typer.Option(help="Where the results are, and more are added. [default: runs/reproduce-TASK]")
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="2 replications of 60 generations, auto-encoders and CVT made small: a minute.")
+        bool, typer.Option("--quick", help="2 replications of 60 generations, auto-encoders and CVT made small: a minute each.")
     ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Repeat an experiment of the paper: all variants, many times, with statistics and figures.
 
-    Runs that are done are skipped, so it can be interrupted and called again.
+    Runs that are done are skipped, so it can be interrupted and called again. "paper" repeats both, and writes a report with
+    each claim of the paper beside what came out.
 
     Example: auroraqd reproduce ballistic --quick
     """
     from auroraqd.experiments.variants import EXPERIMENTS
 
-    if task not in EXPERIMENTS:
-        raise UserError(f"task must be one of {', '.join(EXPERIMENTS)}, got {task!r}")
-    experiment = EXPERIMENTS[task].quickened() if quick else EXPERIMENTS[task]
-    known = experiment.variants
-    names = list(known) if variants == "all" else [name.strip() for name in variants.split(",")]
+    if task != PAPER and task not in EXPERIMENTS:
+        raise UserError(f"task must be one of {', '.join(EXPERIMENTS)}, {PAPER}, got {task!r}")
+    experiments = [e.quickened() if quick else e for name, e in EXPERIMENTS.items() if task in (PAPER, name)]
+    known = list(dict.fromkeys(name for experiment in experiments for name in experiment.variants))
+    names = known if variants == "all" else [name.strip() for name in variants.split(",")]
     unknown = [name for name in names if name not in known]
     if unknown:
         raise UserError(f"variants of {task} must be of {', '.join(known)}, got {', '.join(unknown)}")
@@ -66,75 +75,118 @@ def reproduce(
     for name, value in (("replications", replications), ("generations", generations), ("jobs", jobs)):
         if value is not None and value < 1:
             raise UserError(f"{name} must be 1 or more, got {value}")
-    _reproduce(
-        experiment,
-        [name for name in known if name in names],
-        replications,
-        generations,
-        jobs,
-        scheduler,
-        out or Path("runs") / f"reproduce-{task}{'-quick' * quick}",
-    )
+    out = out or Path("runs") / f"reproduce-{task}{'-quick' * quick}"
+    wanted = {out / e.task if task == PAPER else out: (e, [name for name in e.variants if name in names]) for e in experiments}
+    _reproduce(wanted, replications, generations, jobs, scheduler)
+    if task == PAPER:
+        _report_on_paper(out)
+
+
+class _Part(NamedTuple):
+    """What there is to do of an experiment."""
+
+    experiment: "Experiment"
+    ledger: "Ledger"
+    jobs: "list[Job]"
+    settings: "dict[str, Settings]"
 
 
 def _reproduce(
-    experiment: "Experiment",
-    names: Sequence[str],
+    wanted: "Mapping[Path, tuple[Experiment, Sequence[str]]]",
     replications: int,
     generations: int,
     workers: int | None,
     scheduler: str | None,
-    out: Path,
 ) -> None:
+    """Do what is missing of each experiment in its folder, and write the reports."""
     from auroraqd._files import folder_at
     from auroraqd._workers import cores
     from auroraqd.evaluate import dask
     from auroraqd.experiments.ledger import Ledger
-    from auroraqd.experiments.progress import ExperimentProgress
-    from auroraqd.experiments.runner import execute, plan
+    from auroraqd.experiments.runner import plan
 
     cluster: Any = None if scheduler is None else dask(scheduler)()
-    ledger = Ledger(out if cluster is None else out.resolve())
-    jobs, settings = plan(ledger, experiment, names, replications, experiment.base(generations))
-    folder_at(out)
+    parts = []
+    for folder, (experiment, names) in wanted.items():
+        ledger = Ledger(folder if cluster is None else folder.resolve())
+        parts.append(_Part(experiment, ledger, *plan(ledger, experiment, names, replications, experiment.base(generations))))
+    for folder, part in zip(wanted, parts, strict=True):
+        folder_at(folder)
+        done = len(part.ledger.results)
+        console.print(f"{len(part.jobs)} runs to do, {done} done before; results in {folder}", highlight=False)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    console.print(f"{len(jobs)} runs to do, {len(ledger.results)} done before; results in {out}", highlight=False)
     failed: list[str] = []
-    if jobs:
-        _prepare(settings, jobs)
+    if any(part.jobs for part in parts):
         try:
-            with ExperimentProgress(console, len(jobs)) as progress:
-                execute(jobs, settings, ledger, workers or (cluster.workers if cluster else len(cores())), progress, cluster)
-                failed = progress.failed
+            failed = _execute(parts, workers or (cluster.workers if cluster else len(cores())), cluster)
         except KeyboardInterrupt:
             if cluster:
                 cluster.kill()
-            errors.print(
-                f"Interrupted; {len(ledger.results)} runs are done and in {out}: the same command goes on", highlight=False
-            )
+            done, where = sum(len(part.ledger.results) for part in parts), " and ".join(map(str, wanted))
+            errors.print(f"Interrupted; {done} runs are done and in {where}: the same command goes on", highlight=False)
             raise typer.Exit(130) from None
-    if not ledger.results:
+    if not any(part.ledger.results for part in parts):
         raise UserError(f"no run was completed: {'; '.join(failed)}")
-    from rich.markdown import Markdown
-
-    from auroraqd.report import write_report
-
-    files = write_report(ledger, experiment)
-    table = (out / "summary.md").read_text()
-    console.print(Markdown(table) if console.is_terminal else table, highlight=False, soft_wrap=not console.is_terminal)
-    for path in files:
-        console.print(str(path), highlight=False, soft_wrap=True)
+    for folder, part in zip(wanted, parts, strict=True):
+        if part.ledger.results:
+            _report(part, folder)
     if failed:
         raise UserError(f"{len(failed)} runs were given up, the same command tries them again: {'; '.join(failed)}")
 
 
-def _prepare(settings: "Mapping[str, Settings]", jobs: "Sequence[Job]") -> None:
+def _execute(parts: "Sequence[_Part]", workers: int, cluster: Any) -> list[str]:
+    """Do the runs of one experiment after the other; returns those that were given up."""
+    from auroraqd.experiments.duration import TimeLeft
+    from auroraqd.experiments.progress import ExperimentProgress
+    from auroraqd.experiments.runner import execute
+
+    jobs = [job for part in parts for job in part.jobs]
+    _prepare(parts)
+    left = TimeLeft(jobs, workers, [(part.experiment.task, part.ledger.results) for part in parts])
+    with ExperimentProgress(console, len(jobs), left) as progress:
+        for part in parts:
+            if part.jobs:
+                progress.begin(part.experiment.task)
+                execute(part.jobs, part.settings, part.ledger, workers, progress, cluster)
+        return progress.failed
+
+
+def _report(part: "_Part", folder: Path) -> None:
+    from rich.markdown import Markdown
+
+    from auroraqd.report import write_report
+
+    files = write_report(part.ledger, part.experiment)
+    table = (folder / "summary.md").read_text()
+    console.print(Markdown(table) if console.is_terminal else table, highlight=False, soft_wrap=not console.is_terminal)
+    _print_paths(files)
+
+
+def _report_on_paper(out: Path) -> None:
+    """The claims, judged by all results in the folder."""
+    from auroraqd.experiments.ledger import Ledger
+    from auroraqd.experiments.variants import EXPERIMENTS
+    from auroraqd.report import write_paper
+
+    ledgers = {task: Ledger(out / task) for task in EXPERIMENTS}
+    files = write_paper({task: ledger for task, ledger in ledgers.items() if ledger.results}, out)
+    console.print(next(line for line in files[0].read_text().splitlines() if line.startswith("Of ")), highlight=False)
+    _print_paths(files)
+
+
+def _print_paths(files: Sequence[Path]) -> None:
+    for path in files:
+        console.print(str(path), highlight=False, soft_wrap=True)
+
+
+def _prepare(parts: "Sequence[_Part]") -> None:
     """What is the same for all runs, once: centroids are found and kept on disk, kernels compiled."""
     from auroraqd.experiments.settings import CVT
 
-    needed = {job.variant for job in jobs}
     with busy("preparing: kernels, centroids", log=True):
-        for name in needed:
-            if isinstance(settings[name].archive, CVT):
-                settings[name].build()
-        compile_kernels(next(iter(settings.values())))
+        for part in parts:
+            for name in {job.variant for job in part.jobs}:
+                if isinstance(part.settings[name].archive, CVT):
+                    part.settings[name].build()
+            if part.jobs:
+                compile_kernels(next(iter(part.settings.values())))

@@ -110,10 +110,13 @@ def _read_settings(path: Path) -> dict[str, Any]:
 
 def _as_now(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Settings that earlier versions wrote, as they are called now. Version 0.2.0 set aside and refused nothing."""
-    earlier: dict[str, Any] = {"survival": 0.0, "robust": False, "emitter": {"type": Genetic.__name__}, **settings}
+    since = {"survival": 0.0, "robust": False, "asynchronous": False, "emitter": {"type": Genetic.__name__}}
+    earlier: dict[str, Any] = {**since, **settings}
     kept = earlier.get("resolution")
     if isinstance(kept, dict) and kept.get("type") == VAT.__name__:
         earlier["resolution"] = {"robust": False, **kept}
+    if earlier.get("parameters", {}).get("network") == "convolutional":  # which "auto" gives the metric it always had
+        earlier["parameters"] = {"beta": 0.0, "metric": "auto", **earlier["parameters"]}
     return earlier
 
 

@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
+from auroraqd.experiments.duration import TimeLeft, spoken
 from auroraqd.experiments.replication import Job, Result
 from auroraqd.experiments.runner import Status
 
@@ -18,11 +19,14 @@ class ExperimentProgress:
     Args:
         console: where to show it.
         runs: how many there are to do.
+        left: how long they take.
     """
 
-    def __init__(self, console: Console, runs: int):
+    def __init__(self, console: Console, runs: int, left: TimeLeft):
         self._console = console
         self._runs = runs
+        self._left = left
+        self._task = ""
         self._finished = 0
         self._failed: list[str] = []
         self._tasks: dict[tuple[str, int], TaskID] = {}
@@ -52,9 +56,15 @@ class ExperimentProgress:
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
+    def begin(self, task: str) -> None:
+        """What is told from now on is about the experiment on this task."""
+        self._task = task
+
     def progress(self, status: Status) -> None:
         """A run has come this far."""
         run = status.variant, status.replication
+        self._left.progress(self._task, status)
+        self._bar.update(self._all, state=self._time_left())
         self._latest[run] = status
         if run not in self._tasks:
             name = f"{status.variant} {status.replication}"
@@ -62,6 +72,7 @@ class ExperimentProgress:
         self._bar.update(self._tasks[run], completed=status.generation, state=_state(status))
         if not self._console.is_terminal and time.monotonic() >= self._next:
             self._next = time.monotonic() + _LOG
+            self._line(f"{self._finished}/{self._runs} runs{', ' * bool(self._time_left())}{self._time_left()}")
             for latest in list(self._latest.values()):
                 where = f"generation {latest.generation}/{latest.generations}"
                 self._line(f"{latest.variant} {latest.replication}: {where}, {_state(latest)}")
@@ -69,6 +80,7 @@ class ExperimentProgress:
     def finished(self, result: Result) -> None:
         """A run is done."""
         self._finished += 1
+        self._left.finished(self._task, result)
         self._remove(result.variant, result.replication)
         rmse = "" if result.rmse != result.rmse else f", RMSE {result.rmse:.4f}"
         measures = "".join(f", {name} {value:.4g}" for name, value in list(result.measures.items())[:1])
@@ -79,6 +91,7 @@ class ExperimentProgress:
 
     def failed_run(self, job: Job, reason: str) -> None:
         """A run is given up."""
+        self._left.without(self._task, job.variant, job.replication)
         self._remove(job.variant, job.replication)
         self._failed.append(f"{job.variant} {job.replication}: {reason}")
         self._line(f"given up: {self._failed[-1]}")
@@ -88,7 +101,11 @@ class ExperimentProgress:
         task = self._tasks.pop((variant, replication), None)
         if task is not None:
             self._bar.remove_task(task)
-        self._bar.update(self._all, completed=self._finished)
+        self._bar.update(self._all, completed=self._finished, state=self._time_left())
+
+    def _time_left(self) -> str:
+        seconds = self._left.seconds()
+        return "" if seconds is None else f"{spoken(seconds)} left"
 
     def _line(self, text: str) -> None:
         self._bar.console.print(text, highlight=False, soft_wrap=True)

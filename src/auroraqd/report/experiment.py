@@ -3,7 +3,7 @@
 Made from the files of a `Ledger` only.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from auroraqd._files import folder_at, replacing
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Diversity
 from auroraqd.experiments.replication import Point
-from auroraqd.experiments.statistics import Quartiles, columns, rank_sums, summaries
+from auroraqd.experiments.statistics import Comparison, Quartiles, columns, comparisons, summaries
 from auroraqd.experiments.variants import Experiment, Variant
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.diversity import diversity_figure
@@ -40,7 +40,7 @@ def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
         with replacing(written[-1]) as file:
             file.write(text.encode())
     written += save_figure(curves_figure(ledger.points, experiment), figures, "curves")
-    repertoires = _first_repertoires(ledger, experiment.variants)
+    repertoires = first_repertoires(ledger, experiment.variants)
     if repertoires:
         written += save_figure(panel_figure(repertoires, experiment), figures, "repertoires")
     trajectories = next((r.observation for r in repertoires.values()), None)
@@ -69,39 +69,75 @@ def _in_paper(experiment: Experiment) -> bool:
 def summary_markdown(ledger: Ledger, experiment: Experiment) -> str:
     """Medians with quartiles, beside the paper's medians where it has some, and the p-values of the rank-sum tests."""
     generations = sorted({result.generations for result in ledger.results})
-    titles = {**_TITLES, **{measure.name: measure.title for measure in experiment.measures}}
-    forms = {**_FORMS, **{measure.name: measure.form for measure in experiment.measures}}
-    paper = [f"{experiment.measures[0].title}, paper"] if _in_paper(experiment) else []
+    paper = "; the paper's medians are after 5,000 of 200." if _in_paper(experiment) else "."
     lines = [
-        f"After {' or '.join(f'{number:,}' for number in generations)} generations of {ledger.results[0].batch_size}"
-        + ("; the paper's medians are after 5,000 of 200." if paper else "."),
+        f"After {' or '.join(f'{number:,}' for number in generations)} generations of {ledger.results[0].batch_size}{paper}",
         "",
+        *_table(*summary_table(ledger, experiment)),
     ]
-    rows = []
-    for row in summaries(ledger.results, experiment):
-        reported = ["" if row.variant.paper is None else f"{row.variant.paper:g}"] * len(paper)
-        cells = [_cell(forms[measure], row.measures[measure]) for measure in columns(experiment)]
-        rows.append([row.variant.title, str(row.replications), *reported, *cells])
-    lines += _table(["variant", "runs", *paper, *(titles[measure] for measure in columns(experiment))], rows)
     lines += [
         "",
         "Medians over replications, first and third quartile in brackets. RMSE is on the scale from -1 to 1 of what each run",
         "stored: between runs that were scaled differently it compares in metres only.",
     ]
     for measure in experiment.tested:
-        lines += _tests(measure, titles[measure], ledger, experiment)
+        lines += _tests(measure, titles_of(experiment)[measure], ledger, experiment)
     return "\n".join(lines) + "\n"
 
 
+def titles_of(experiment: Experiment) -> dict[str, str]:
+    """What the columns of an experiment are called."""
+    return {**_TITLES, **{measure.name: measure.title for measure in experiment.measures}}
+
+
+def summary_table(ledger: Ledger, experiment: Experiment) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: medians with quartiles of each variant, beside the paper's medians where it has some."""
+    titles, forms = titles_of(experiment), {**_FORMS, **{measure.name: measure.form for measure in experiment.measures}}
+    paper = [f"{experiment.measures[0].title}, paper"] if _in_paper(experiment) else []
+    rows = []
+    for row in summaries(ledger.results, experiment):
+        reported = ["" if row.variant.paper is None else f"{row.variant.paper:g}"] * len(paper)
+        cells = [_cell(forms[measure], row.measures[measure]) for measure in columns(experiment)]
+        rows.append([row.variant.title, str(row.replications), *reported, *cells])
+    return ["variant", "runs", *paper, *(titles[measure] for measure in columns(experiment))], rows
+
+
 def _tests(measure: str, title: str, ledger: Ledger, experiment: Experiment) -> list[str]:
-    """The p-values between all pairs of variants, as a table; no lines where there is no pair."""
-    tests = rank_sums(ledger.results, measure)
-    names = [name for name in experiment.variants if any(name in pair for pair in tests)]
+    """The p-values between all pairs of variants, and how much they differ, as tables; no lines where there is no pair."""
+    found = comparisons(ledger.results, measure)
+    if not found:
+        return []
+    plain = pair_table(found, experiment, lambda c: f"{c.p:.2g}")
+    effects = pair_table(found, experiment, effect_text)
+    return [
+        *("", f"Rank-sum tests on the {title}, two-sided p-values:", "", *_table(*plain)),
+        "",
+        f"Effect sizes: the probability that a run of the row has the larger {title} than one of the column, with 95%",
+        f"intervals, and p-values after Holm's correction for these {len(found)} pairs:",
+        *("", *_table(*effects)),
+    ]
+
+
+def effect_text(comparison: Comparison) -> str:
+    """An effect size with its interval and its corrected p-value."""
+    a, low, high = comparison.effect
+    return f"{a:.2f} ({low:.2f}, {high:.2f}), p = {comparison.corrected:.2g}"
+
+
+def pair_table(
+    found: Mapping[tuple[str, str], Comparison], experiment: Experiment, form: Callable[[Comparison], str]
+) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a table with a cell for each pair of variants, above the diagonal."""
+    names = [name for name in experiment.variants if any(name in pair for pair in found)]
     rows = []
     for i, one in enumerate(names[:-1]):
-        values = [tests.get((one, other), tests.get((other, one))) for other in names[1:]]
-        rows.append([one, *("" if value is None or j < i else f"{value:.2g}" for j, value in enumerate(values))])
-    return ["", f"Rank-sum tests on the {title}, two-sided p-values:", "", *_table(["", *names[1:]], rows)] if rows else []
+        cells = [form(_between(found, one, other)) if j >= i else "" for j, other in enumerate(names[1:])]
+        rows.append([one, *cells])
+    return ["", *names[1:]], rows
+
+
+def _between(found: Mapping[tuple[str, str], Comparison], one: str, other: str) -> Comparison:
+    return found[one, other] if (one, other) in found else found[other, one].swapped
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -159,7 +195,7 @@ def _curve(points: Sequence[Point], measure: str, *, positive: bool) -> tuple[np
     return np.array(generations), np.array(quartiles).reshape(-1, 3)
 
 
-def _first_repertoires(ledger: Ledger, variants: Mapping[str, Variant]) -> dict[str, Repertoire]:
+def first_repertoires(ledger: Ledger, variants: Mapping[str, Variant]) -> dict[str, Repertoire]:
     """Of each variant, the repertoire of the first replication that has one here, by title."""
     found = {}
     for name, variant in variants.items():
