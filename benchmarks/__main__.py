@@ -1,7 +1,7 @@
 """All benchmarks of speed: `python benchmarks`. Tables in Markdown on standard output; about half an hour on two cores.
 
-What is found, not how fast, is measured by commands of their own: `adaptation.py`, `ant.py`, `comparison.py`, `readings.py`,
-`sphere.py`.
+What is found, not how fast, is measured by commands of their own: `adaptation.py`, `ant.py`, `comparison.py`, `hexapod.py`,
+`readings.py`, `sphere.py`.
 """
 
 import argparse

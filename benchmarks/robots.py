@@ -39,10 +39,13 @@ def microseconds(task, repeats=5):
 def main():
     print(f"### A step of robots, batches of {BATCH}, episodes of {STEPS} steps, microseconds (median of 5)\n")
     print("| environment | simulated by | a step of control | a step of physics |\n|---|---|---|---|")
-    for env_id, options in (("Ant-v5", STANDING), ("HalfCheetah-v5", {}), ("Swimmer-v5", {})):
-        for name, task in ways(env_id, options).items():
+    environments = {"Ant-v5": STANDING, "HalfCheetah-v5": {}, "Swimmer-v5": {}}
+    robots = {env_id: ways(env_id, options) for env_id, options in environments.items()}
+    robots["hexapod"] = {"rollout, one thread": tasks.Hexapod(seconds=0.015 * STEPS, threads=1)}
+    for robot, simulated in robots.items():
+        for name, task in simulated.items():
             took, physics = microseconds(task), task.interval / task.model.opt.timestep
-            print(f"| {env_id} | {name} | {took:.0f} | {took / physics:.1f} |", flush=True)
+            print(f"| {robot} | {name} | {took:.0f} | {took / physics:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -681,3 +681,12 @@ def holm(pvalues):
         up_to = sorted(q for q in pvalues if q <= p)
         corrected.append(min(1.0, max((n - i) * q for i, q in enumerate(up_to))))
     return corrected
+
+
+def square_wave(amplitude, phase, duty, time, period=1.0):
+    """The wave of the hexapod's controller at a time, sample by sample."""
+    up = int(100 * duty)
+    wave = [1.0 if i < up else -1.0 for i in range(100)]
+    weights = {d: math.exp(-d * d / 18) for d in range(-10, 11)}
+    at = (int(100 * time / period + 1e-9) + int(100 * phase)) % 100
+    return amplitude * sum(weight * wave[(at + d) % 100] for d, weight in weights.items()) / sum(weights.values())

@@ -235,7 +235,7 @@ def test_command_line(tmp_path):
         ("mine:failing", "task failing at generation 0 raised OSError: no motor"),
         (
             "balistic",
-            "task must be one of ballistic, air-hockey, air-hockey-camera, maze, or your own, written like mymodule:my_task",
+            "task must be one of ballistic, air-hockey, air-hockey-camera, maze, hexapod, or your own, written like mymodule",
         ),
     ],
 )

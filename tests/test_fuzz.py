@@ -290,9 +290,11 @@ def calls(folder):
         "tasks.Hierarchical()": Call(
             lambda: tasks.Hierarchical(repertoire, carried, 2), {"genotypes": np.full((3, 4), 0.5)}, unnamed=("genotypes",)
         ),
+        "tasks.Damage": Call(lambda: tasks.Damage, {}),
         "tasks.Camera": Call(lambda: tasks.Camera, {}),
         "tasks.Sinusoids": Call(lambda: tasks.Sinusoids, {}),
         "tasks.Splines": Call(lambda: tasks.Splines, {}),
+        "tasks.SquareWaves": Call(lambda: tasks.SquareWaves, {}),
         "tasks.MLP": Call(lambda: tasks.MLP, {}),
         "VAT": Call(lambda: auroraqd.VAT, {}),
         "VAT()": Call(lambda: auroraqd.VAT(), {"descriptors": GOOD}),
@@ -352,6 +354,8 @@ def calls(folder):
         found["tasks.Gym"] = Call(lambda: tasks.Gym, cart)
         found["tasks.Gym()"] = Call(lambda: tasks.Gym(**cart), ten)
         found["tasks.Gym(), noisy"] = Call(lambda: tasks.Gym(**cart, noisy=True), {**ten, "seeds": [1, 2, 3]})
+        found["tasks.Hexapod"] = Call(lambda: tasks.Hexapod, {"seconds": 0.03, "samples": 1, "threads": 1})
+        found["tasks.Hexapod()"] = Call(lambda: tasks.Hexapod(seconds=0.03, samples=1), {"genotypes": np.full((3, 36), 0.5)})
         found["tasks.Gym.episode"] = Call(lambda: tasks.Gym(**cart).episode, ten)
     for empty in archives():
         kind, full = type(empty).__name__, filled(copy.deepcopy(empty))
@@ -378,7 +382,9 @@ ELSEWHERE = {  # public names that no call of their own: values, errors, and wha
     "tasks.Episode",
     "tasks.Evaluation",
     "tasks.TaskError",
+    "tasks.DAMAGES",
     "tasks.Gym",  # which is there if the extra is
+    "tasks.Hexapod",
     "archives",  # what is public in it is public here
     "emitters",
     "callbacks",  # in test_loggers.py and others

@@ -43,8 +43,8 @@ def run(
         str,
         typer.Argument(
             autocompletion=completed("task"),
-            help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1, air-hockey-camera, maze; "
-            "or mymodule:my_task.",
+            help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1, air-hockey-camera, maze, "
+            "hexapod or hexapod:damage=leg-limp; or mymodule:my_task.",
         ),
     ],
     descriptor: Annotated[

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Any
+from typing import Any, get_args
 
 from auroraqd._checks import whole
 
@@ -63,7 +63,7 @@ def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
     if kind is None:
         raise ValueError(f"{name} must be one of {', '.join(kinds)}, got {text!r}")
     options = text.removeprefix(kind).removeprefix(":")
-    types = {f.name: f.type for f in fields(kinds[kind]) if isinstance(f.type, type)}  # others cannot be written
+    types = {f.name: _written(f.type) for f in fields(kinds[kind]) if _written(f.type)}
     given = {
         key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)
     }
@@ -72,6 +72,13 @@ def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
     if missing:
         raise ValueError(f"{name} {kind!r} needs {missing[0]}: write {kind}:{missing[0]}=VALUE")
     return kinds[kind](**given)
+
+
+def _written(kind: Any) -> type | None:
+    """The type of what is written of a parameter; None if it cannot be."""
+    if isinstance(kind, type):
+        return kind
+    return str if str in get_args(kind) else None
 
 
 def keyword_parameters(owner: str, kind: type, options: str) -> dict[str, Any]:

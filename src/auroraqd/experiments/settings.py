@@ -22,10 +22,16 @@ from auroraqd.emitters import ribs, selection, variation
 from auroraqd.experiments.options import built, imported, keyword_parameters
 from auroraqd.provenance import importable, task_in
 from auroraqd.runs.parts import as_json
-from auroraqd.tasks import AirHockey, AirHockeyCamera, Ballistic, Maze, TaskError, evaluated, name_of
+from auroraqd.tasks import AirHockey, AirHockeyCamera, Ballistic, Hexapod, Maze, TaskError, evaluated, name_of
 from auroraqd.tasks.noise import seeds_of
 
-TASKS = {"ballistic": Ballistic, "air-hockey": AirHockey, "air-hockey-camera": AirHockeyCamera, "maze": Maze}
+TASKS = {
+    "ballistic": Ballistic,
+    "air-hockey": AirHockey,
+    "air-hockey-camera": AirHockeyCamera,
+    "maze": Maze,
+    "hexapod": Hexapod,
+}
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)
 _SINCE = {  # settings that earlier versions have not
@@ -390,7 +396,7 @@ def task_of(config: Mapping[str, Any]) -> str | None:
     home, text = importable(config), (task_in(config) or {}).get("repr")
     for name, kind in TASKS.items():
         if home == f"{kind.__module__}:{kind.__qualname__}":
-            options = str(text or "").partition("(")[2].rstrip(")").replace(" ", "")
+            options = str(text or "").partition("(")[2].rstrip(")").replace(" ", "").replace("'", "")
             return f"{name}:{options}" if options else name
     return home
 

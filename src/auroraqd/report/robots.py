@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from auroraqd._checks import numbers
 from auroraqd._files import as_path
 from auroraqd.report.videos import LAST, arrangement, video
-from auroraqd.tasks import Gym, name_of
+from auroraqd.tasks import Gym, Hexapod, name_of
 from auroraqd.tasks._drawing import Canvas, moving_body, moving_geoms
 
 _WIDTH, _HEIGHT = 320, 240  # pixels of a panel
@@ -27,7 +27,7 @@ _MARGIN = 1.05
 
 
 def film(
-    task: Gym,
+    task: Gym | Hexapod,
     genotypes: np.ndarray,
     path: str | Path,
     seeds: np.ndarray | None = None,
@@ -91,7 +91,7 @@ def check_robot(task: Any, n_genes: int | None = None) -> None:
         raise ValueError(f"task {name_of(task)} has {task.n_genes} genes, and the skills have {n_genes}")
 
 
-def robot_of(config: Mapping[str, Any], named: str | None = None) -> Gym | None:
+def robot_of(config: Mapping[str, Any], named: str | None = None) -> Gym | Hexapod | None:
     """The task of a run, or the one that is named, if it is a robot that MuJoCo draws; None where that of the run is none, or
     is not here.
 
@@ -110,10 +110,10 @@ def robot_of(config: Mapping[str, Any], named: str | None = None) -> Gym | None:
         if named is not None:
             raise
         return None  # its module is not here
-    if isinstance(task, Gym) and task.model is not None:
+    if isinstance(task, Gym | Hexapod) and task.model is not None:
         return task
     if named is not None:
-        raise ValueError(f"task {named} is no robot that MuJoCo draws, a Gym of one of its environments")
+        raise ValueError(f"task {named} is no robot that MuJoCo draws, a Hexapod or a Gym of one of its environments")
     return None
 
 

@@ -153,29 +153,34 @@ from auroraqd.tasks._sensing import Camera  # noqa: E402
 from auroraqd.tasks.air_hockey import AirHockey  # noqa: E402
 from auroraqd.tasks.air_hockey_camera import AirHockeyCamera  # noqa: E402
 from auroraqd.tasks.ballistic import Ballistic  # noqa: E402
-from auroraqd.tasks.controllers import MLP, ClosedLoop, OpenLoop, Sinusoids, Splines  # noqa: E402
+from auroraqd.tasks.controllers import MLP, ClosedLoop, OpenLoop, Sinusoids, Splines, SquareWaves  # noqa: E402
 from auroraqd.tasks.functions import Genes, each, from_jax  # noqa: E402
 from auroraqd.tasks.gym import Gym  # noqa: E402
+from auroraqd.tasks.hexapod import DAMAGES, Damage, Hexapod  # noqa: E402
 from auroraqd.tasks.hierarchical import Hierarchical  # noqa: E402
 from auroraqd.tasks.maze import Maze  # noqa: E402
 from auroraqd.tasks.noise import repeated  # noqa: E402
 
 __all__ = [
+    "DAMAGES",
     "MLP",
     "AirHockey",
     "AirHockeyCamera",
     "Ballistic",
     "Camera",
     "ClosedLoop",
+    "Damage",
     "Episode",
     "Evaluation",
     "Genes",
     "Gym",
+    "Hexapod",
     "Hierarchical",
     "Maze",
     "OpenLoop",
     "Sinusoids",
     "Splines",
+    "SquareWaves",
     "TaskError",
     "each",
     "from_jax",

@@ -51,7 +51,7 @@ class Environments:
             self._gymnasium, self._mujoco = map(import_module, ("gymnasium", "mujoco"))
         except ImportError:
             raise ValueError('Gymnasium and MuJoCo are not installed: pip install "auroraqd[robots]"') from None
-        _keep_from_writing(self._mujoco)
+        keep_from_writing(self._mujoco)
         if options.get("render_mode") == "human" and not _display():  # MuJoCo's windows would end this process
             raise ValueError(
                 f"options of {env_id} must leave render_mode out, for 'human' opens windows and there is no display; "
@@ -178,7 +178,7 @@ def _display() -> bool:
     return not sys.platform.startswith("linux") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
-def _keep_from_writing(mujoco: Any) -> None:
+def keep_from_writing(mujoco: Any) -> None:
     """MuJoCo writes its warnings to a file in the current folder, unless someone listens."""
     if mujoco.get_mju_user_warning() is None:
         mujoco.set_mju_user_warning(_heard)

@@ -3,6 +3,7 @@
 The rollout is multi-threaded, but knows neither the environment's reward and observation nor when it terminates.
 """
 
+import os
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -10,10 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auroraqd._checks import numbers
+from auroraqd._workers import cores
 from auroraqd.tasks._environments import Environments
 
 Seeds = Sequence[int | None]
 """Of each episode; None: without noise."""
+
+MOST_BYTES = 1 << 28  # of states that are kept at once
 
 
 class Episode(NamedTuple):
@@ -30,6 +34,8 @@ class Episode(NamedTuple):
         qvel: (n, steps, nv), velocities, likewise.
         observation: (n, steps, entries), the environment's own, flat; None in MuJoCo's rollout.
         reward: (n, steps), the environment's own; None in MuJoCo's rollout.
+        sensors: (n, steps, entries), of the model, as MuJoCo has them; None if there are none, and of environments that are
+            stepped.
     """
 
     time: np.ndarray
@@ -39,6 +45,7 @@ class Episode(NamedTuple):
     qvel: Any = None
     observation: Any = None
     reward: Any = None
+    sensors: Any = None
 
 
 def joined(episodes: Sequence[Episode]) -> Episode:
@@ -48,8 +55,61 @@ def joined(episodes: Sequence[Episode]) -> Episode:
     return Episode(time[0], *every)
 
 
+def threads() -> int:
+    """Of a rollout, if none are asked for: one for each core, or OMP_NUM_THREADS, which is 1 in workers, if that is less."""
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    return min(len(cores()), max(int(limit), 1)) if limit.isdigit() else len(cores())
+
+
+class Simulator:
+    """MuJoCo's multi-threaded rollout of a model, for controls that are known before.
+
+    Args:
+        model: of MuJoCo.
+        skip: steps of the physics in one of control.
+        threads: how many.
+    """
+
+    def __init__(self, model: Any, skip: int, threads: int):
+        self._mujoco = import_module("mujoco")
+        self._model, self._skip = model, skip
+        self._datas = [self._mujoco.MjData(model) for _ in range(threads)]
+        self._kind = self._mujoco.mjtState.mjSTATE_FULLPHYSICS
+        self._size = self._mujoco.mj_stateSize(model, self._kind)
+
+    def bytes(self, steps: int) -> int:
+        """Of the states of an episode while it is simulated."""
+        return 8 * steps * self._skip * (self._size + self._model.nu + self._model.nsensordata)
+
+    def state(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Where an episode may begin: the full state of a simulation (size,), and what its solver begins with (nv,)."""
+        state = np.empty(self._size)
+        self._mujoco.mj_getState(self._model, data, state, self._kind)
+        return state, data.qacc_warmstart.copy()
+
+    def __call__(self, control: np.ndarray, finite: np.ndarray, start: np.ndarray, warm: np.ndarray) -> Episode:
+        """The episodes of controls, (n, steps, nu), in the units of the actuators.
+
+        From where they are not `finite`, (n, steps) bool, all is NaN. They begin in states, (n, size), the solver at (n, nv).
+        """
+        rollout = import_module("mujoco.rollout").rollout
+        model, skip = self._model, self._skip
+        interval = model.opt.timestep * skip
+        states, sensors = rollout(model, self._datas, start, np.repeat(control, skip, axis=1), initial_warmstart=warm)
+        states, sensors = states[:, skip - 1 :: skip], sensors[:, skip - 1 :: skip]
+        n, steps = control.shape[:2]
+        time = interval * np.arange(1, steps + 1)
+        diverged = np.asarray(
+            np.abs(states[:, :, 0] - start[:, :1] - time) > interval / 2
+        )  # MuJoCo's clock begins anew when it does
+        gone = np.logical_or.accumulate(diverged | ~finite, axis=1)
+        states[gone], sensors[gone] = np.nan, np.nan
+        qpos, qvel = states[..., 1 : 1 + model.nq], states[..., 1 + model.nq : 1 + model.nq + model.nv]
+        return Episode(time, control, np.full(n, steps), qpos, qvel, sensors=sensors if model.nsensordata else None)
+
+
 class Rollout:
-    """MuJoCo's rollout, for controls that are known before.
+    """Environments, simulated by MuJoCo's rollout.
 
     Args:
         environments: of MuJoCo.
@@ -57,34 +117,18 @@ class Rollout:
     """
 
     def __init__(self, environments: Environments, threads: int):
-        self._mujoco = import_module("mujoco")
         self._environments = environments
-        self._datas = [self._mujoco.MjData(environments.model) for _ in range(threads)]
-        self._skip = int(environments.first.unwrapped.frame_skip)  # steps of the simulation in one of control
-        self._kind = self._mujoco.mjtState.mjSTATE_FULLPHYSICS
-        self._size = self._mujoco.mj_stateSize(environments.model, self._kind)
+        self._simulator = Simulator(environments.model, int(environments.first.unwrapped.frame_skip), threads)
 
     def bytes(self, steps: int) -> int:
         """Of the states of an episode while it is simulated."""
-        return 8 * steps * self._skip * (self._size + self._environments.model.nu)
+        return self._simulator.bytes(steps)
 
     def __call__(self, controls: np.ndarray, seeds: Seeds) -> Episode:
         """The episodes of controls in [-1, 1], (n, steps, actuators)."""
-        rollout = import_module("mujoco.rollout").rollout
-        model, interval, skip = self._environments.model, self._environments.interval, self._skip
         finite = np.asarray(np.isfinite(controls).all(axis=2))
         control = self._environments.actions(np.where(finite[..., None], controls, 0)).astype(np.float64)
-        start, warm = self._starts(seeds)
-        states, _ = rollout(model, self._datas, start, np.repeat(control, skip, axis=1), initial_warmstart=warm)
-        states = states[:, skip - 1 :: skip]
-        n, steps = control.shape[:2]
-        time = interval * np.arange(1, steps + 1)
-        diverged = np.asarray(
-            np.abs(states[:, :, 0] - start[:, :1] - time) > interval / 2
-        )  # MuJoCo's clock begins anew when it does
-        states[np.logical_or.accumulate(diverged | ~finite, axis=1)] = np.nan
-        qpos, qvel = states[..., 1 : 1 + model.nq], states[..., 1 + model.nq : 1 + model.nq + model.nv]
-        return Episode(time, control, np.full(n, steps), qpos, qvel)
+        return self._simulator(control, finite, *self._starts(seeds))
 
     def agrees(self) -> bool:
         """Whether the environment's own step does with controls what the rollout does. Those of others may do more."""
@@ -102,16 +146,15 @@ class Rollout:
 
     def _starts(self, seeds: Seeds) -> tuple[np.ndarray, np.ndarray]:
         """Full states (n, size), and what the solver begins with (n, nv)."""
-        env, model = self._environments.first, self._environments.model
-        starts, warm = np.empty((len(seeds), self._size)), np.empty((len(seeds), model.nv))
+        env, begun = self._environments.first, []
         for row, seed in enumerate(seeds):
             if row and seed is None:
-                starts[row], warm[row] = starts[0], warm[0]
+                begun.append(begun[0])
                 continue
             self._environments.begin(env, seed)
-            self._mujoco.mj_getState(model, env.unwrapped.data, starts[row], self._kind)
-            warm[row] = env.unwrapped.data.qacc_warmstart
-        return starts, warm
+            begun.append(self._simulator.state(env.unwrapped.data))
+        starts, warm = zip(*begun, strict=True)
+        return np.array(starts), np.array(warm)
 
 
 def stepped(

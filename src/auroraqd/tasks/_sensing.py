@@ -183,7 +183,8 @@ class Senses:
         camera = what if isinstance(what, Camera) else Camera()
         if camera.frames > self._steps:
             raise ValueError(f"frames of a camera must be at most {self._steps}, the steps of an episode, got {camera.frames}")
-        return Sense("qpos", moments(self._steps, camera.frames), Pictures(self._environments, camera, self._called))
+        start = self._environments.first.unwrapped.init_qpos
+        return Sense("qpos", moments(self._steps, camera.frames), Pictures(model, start, camera, self._called))
 
     def _chosen(self, name: str, wanted: Sequence[int], there: int) -> list[int]:
         if not len(wanted) or any(not 0 <= index < there for index in wanted):
@@ -223,16 +224,22 @@ class Pictures:
 
     Where there is no pose, the picture is black.
 
+    Args:
+        model: of MuJoCo.
+        start: (nq,), the pose in the beginning.
+        camera: that looks at it.
+        called: the robot, for messages.
+
     Raises:
         ValueError: there is no such camera, or nothing to draw with.
     """
 
-    def __init__(self, environments: Environments, camera: Camera, called: str):
-        self._model, self._camera = environments.model, camera
+    def __init__(self, model: Any, start: np.ndarray, camera: Camera, called: str):
+        self._model, self._camera = model, camera
         mujoco: Any = import_module("mujoco")
         self._view = mujoco.MjvCamera()
         if camera.name is None:
-            self._stand(mujoco, environments)
+            self._stand(mujoco, start)
         else:
             names = [self._model.camera(index).name for index in range(self._model.ncam)]
             if camera.name not in names:
@@ -243,10 +250,10 @@ class Pictures:
             self._view.type, self._view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, names.index(camera.name)
         self._canvas = Canvas(self._model, *camera.shape[:2])
 
-    def _stand(self, mujoco: Any, environments: Environments) -> None:
+    def _stand(self, mujoco: Any, start: np.ndarray) -> None:
         camera, model, body = self._camera, self._model, moving_body(self._model)
         data = mujoco.MjData(model)
-        data.qpos[:] = environments.first.unwrapped.init_qpos
+        data.qpos[:] = start
         mujoco.mj_kinematics(model, data)
         self._view.lookat[:] = data.xpos[body] if camera.lookat is None else camera.lookat
         self._view.distance = 2 * model.stat.extent if camera.distance is None else camera.distance

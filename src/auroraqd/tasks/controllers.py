@@ -9,6 +9,7 @@ One of one's own is any object with the methods of `OpenLoop` or `ClosedLoop`; o
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Any, Protocol, TypeGuard
 
@@ -144,6 +145,70 @@ class Splines:
         knots = 2 * genotypes.reshape(-1, actuators, self.knots) - 1
         curve = PchipInterpolator(np.linspace(0, 1, self.knots), knots, axis=2)
         return np.moveaxis(curve(np.linspace(0, 1, len(time))), 2, 1)
+
+
+@dataclass(frozen=True)
+class SquareWaves:
+    """An open-loop controller for legs of three actuators: a square wave for the first, one for the second, and minus that for
+    the third, so that the last link of a leg stays as it was, upright for instance.
+
+    The controller of the hexapod in A. Cully, J. Clune, D. Tarapore, J.-B. Mouret, Robots that can adapt like animals, Nature
+    521, 2015: a wave is 100 samples of a period, up for the share of it that is its duty cycle and then down, smoothed by a
+    Gaussian of 3 samples that is cut at 10, and shifted by its phase.
+
+    Genes, of each leg in turn: amplitude, phase and duty cycle of the first actuator, and the same of the second.
+
+    Args:
+        period: in seconds, more than 0.
+
+    Examples:
+        >>> import numpy as np
+        >>> import auroraqd
+        >>> controller = auroraqd.tasks.SquareWaves()
+        >>> controller.n_genes(18)
+        36
+        >>> controls = controller(np.ones((1, 36)) / 2, 18, np.arange(100) / 100)
+        >>> controls.shape, float(controls.max()), bool((controls[..., 2] == -controls[..., 1]).all())
+        ((1, 100, 18), 0.5, True)
+    """
+
+    period: float = 1.0
+
+    def __post_init__(self) -> None:
+        if number("period", self.period) == 0:
+            raise ValueError("period must be more than 0")
+
+    def n_genes(self, actuators: int) -> int:
+        """For a robot with this many actuators, three a leg.
+
+        Raises:
+            ValueError: they are not three a leg.
+        """
+        if actuators % 3:
+            raise ValueError(f"SquareWaves are for legs of three actuators, and the robot has {actuators}")
+        return 2 * actuators
+
+    def __call__(self, genotypes: np.ndarray, actuators: int, time: np.ndarray) -> np.ndarray:
+        """Controls in [-1, 1], (n, steps, actuators), of genotypes, (n, n_genes), at times in seconds, (steps,)."""
+        amplitude, phase, duty = np.moveaxis(genotypes.reshape(len(genotypes), -1, 3), 2, 0)[..., None]  # (n, waves, 1) each
+        sample = np.floor(_SAMPLES * time / self.period + 1e-9)  # what is a whole number may be a bit below one
+        sample = (sample + np.floor(_SAMPLES * phase)).astype(int) % _SAMPLES
+        waves = amplitude * _smoothed()[(_SAMPLES * duty).astype(int), sample]
+        first, second = np.moveaxis(waves, 1, 2).reshape(len(waves), len(time), -1, 2).transpose(3, 0, 1, 2)
+        return np.stack([first, second, -second], axis=3).reshape(len(waves), len(time), actuators)
+
+
+_SAMPLES, _HALF_WIDTH, _SIGMA = 100, 10, 3.0  # of a period; of the Gaussian, in samples
+
+
+@cache
+def _smoothed() -> np.ndarray:
+    """Square waves that are up for 0, 1, ... 100 samples, smoothed, (101, 100)."""
+    up = np.arange(_SAMPLES) < np.arange(_SAMPLES + 1)[:, None]
+    shifts = np.arange(-_HALF_WIDTH, _HALF_WIDTH + 1)
+    weights = np.exp(-(shifts**2) / (2 * _SIGMA**2))
+    around = np.where(up, 1.0, -1.0)[:, (np.arange(_SAMPLES)[:, None] + shifts) % _SAMPLES]
+    return np.clip(around @ (weights / weights.sum()), -1, 1)  # or rounding would leave them
 
 
 @dataclass(frozen=True)

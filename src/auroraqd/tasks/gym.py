@@ -1,6 +1,5 @@
 """Robots of Gymnasium, Ant-v5 or CartPole-v1 for instance, moved by controllers. Needs the extra `robots`."""
 
-import os
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,15 +8,14 @@ from typing import Any, Literal
 import numpy as np
 
 from auroraqd._checks import flag, instance, numbers, seeds_for, shown, whole, whole_numbers
-from auroraqd._workers import cores
 from auroraqd.observations import joined as streams
 from auroraqd.tasks import Evaluation
 from auroraqd.tasks._environments import Environments
-from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped
+from auroraqd.tasks._episodes import MOST_BYTES as _MOST_BYTES
+from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped, threads
 from auroraqd.tasks._sensing import Camera, Sense, Senses
 from auroraqd.tasks.controllers import ClosedLoop, OpenLoop, Sinusoids, is_closed_loop
 
-_MOST_BYTES = 1 << 28  # of states that are kept at once
 _MOST_STEPS, _MOST_THREADS = 10**7, 10_000
 _SIDE_BY_SIDE = 16  # environments that are stepped; with more of them, each step is no faster
 
@@ -127,7 +125,7 @@ class Gym:
         self._rollout = None
         by_steps = closed or self.fitness == "return" or any(s.column == "observation" for s in self._senses.values())
         if not (by_steps or self.model is None or "max_episode_steps" in self.options):
-            rollout = Rollout(self._environments, self.threads or _threads())
+            rollout = Rollout(self._environments, self.threads or threads())
             self._rollout = rollout if rollout.agrees() else None
 
     def _sense(self, senses: Senses) -> None:
@@ -262,8 +260,3 @@ def _names(chosen: Any) -> bool:
     """Whether they are names of streams, one at least."""
     several = isinstance(chosen, Sequence) and not isinstance(chosen, str | bytes)
     return several and len(chosen) > 0 and all(isinstance(name, str) for name in chosen)
-
-
-def _threads() -> int:
-    limit = os.environ.get("OMP_NUM_THREADS", "")
-    return min(len(cores()), max(int(limit), 1)) if limit.isdigit() else len(cores())

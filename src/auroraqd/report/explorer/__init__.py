@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from auroraqd._checks import instance, whole
 from auroraqd._files import as_path, folder_at, replacing
-from auroraqd.tasks import Gym
+from auroraqd.tasks import Gym, Hexapod
 
 if TYPE_CHECKING:
     from auroraqd.report.explorer.runs import Source
@@ -40,7 +40,7 @@ class Page(type(Path())):
 
 
 def explore(
-    run: Any, path: str | os.PathLike = "skills.html", *, most: int = MOST, films: int = 0, task: Gym | None = None
+    run: Any, path: str | os.PathLike = "skills.html", *, most: int = MOST, films: int = 0, task: Gym | Hexapod | None = None
 ) -> Path:
     """Write a page to look at the skills of a run, or at those of several beside each other: one file that needs no network.
 
@@ -83,7 +83,7 @@ def explore(
     return Page(path)
 
 
-def _page(given: list[Any], most: int, films: int, task: Gym | None) -> str:
+def _page(given: list[Any], most: int, films: int, task: Gym | Hexapod | None) -> str:
     from auroraqd.report.explorer.page import check_bokeh, check_skills, written
     from auroraqd.report.explorer.runs import source_of
 
@@ -93,7 +93,7 @@ def _page(given: list[Any], most: int, films: int, task: Gym | None) -> str:
     return written([_filmed(source, films // len(sources), task) for source in sources], most)
 
 
-def _filmed(source: "Source", n: int, task: Gym | None) -> "Source":
+def _filmed(source: "Source", n: int, task: Gym | Hexapod | None) -> "Source":
     if n == 0:
         return source
     from auroraqd.report.explorer.films import films

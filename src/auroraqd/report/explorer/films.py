@@ -9,7 +9,7 @@ from PIL import Image
 
 from auroraqd.repertoire import Repertoire, diverse
 from auroraqd.report.robots import Studio, check_robot, robot_of
-from auroraqd.tasks import Gym
+from auroraqd.tasks import Gym, Hexapod
 from auroraqd.tasks.noise import other_seeds
 
 MOST = 64
@@ -19,12 +19,12 @@ _SIZE = 256, 192  # pixels of a frame, wide and high
 _QUALITY = 40  # of a picture, of 100
 
 
-def films(repertoire: Repertoire, n: int, task: Gym | None = None) -> dict[int, dict[str, Any]]:
+def films(repertoire: Repertoire, n: int, task: Gym | Hexapod | None = None) -> dict[int, dict[str, Any]]:
     """Films of n skills that are spread over descriptor space; see `filmed`."""
     return filmed(repertoire, diverse(repertoire.descriptor, n), task)
 
 
-def filmed(repertoire: Repertoire, rows: np.ndarray, task: Gym | None = None) -> dict[int, dict[str, Any]]:
+def filmed(repertoire: Repertoire, rows: np.ndarray, task: Gym | Hexapod | None = None) -> dict[int, dict[str, Any]]:
     """Films of skills, by their rows.
 
     Each has its `image`, an address that holds the picture itself; how many `frames` are in it, from the top; and how many

@@ -30,7 +30,7 @@ from auroraqd.report.explorer.films import filmed
 from auroraqd.report.explorer.page import check_bokeh, check_skills, policy, written
 from auroraqd.report.explorer.runs import Source, source_of
 from auroraqd.runs import folders
-from auroraqd.tasks import Gym
+from auroraqd.tasks import Gym, Hexapod
 
 _LOOPBACK = "127.0.0.1"
 _HOSTS = {_LOOPBACK, "localhost"}
@@ -50,7 +50,7 @@ class Followed:
         task: the robot that is filmed; None: that of the run.
     """
 
-    def __init__(self, folder: Path, most: int, task: Gym | None = None) -> None:
+    def __init__(self, folder: Path, most: int, task: Gym | Hexapod | None = None) -> None:
         check_bokeh()
         folders.load_config(folder)  # or it is no run folder
         self._folder, self._most, self._task = folder, most, task
@@ -144,7 +144,7 @@ class Server(ThreadingTCPServer):
 
     daemon_threads = allow_reuse_address = True
 
-    def __init__(self, folder: str | os.PathLike, port: int = 0, *, most: int, task: Gym | None = None) -> None:
+    def __init__(self, folder: str | os.PathLike, port: int = 0, *, most: int, task: Gym | Hexapod | None = None) -> None:
         self.followed, self.token = Followed(Path(folder), most, task), secrets.token_urlsafe()
         try:
             super().__init__((_LOOPBACK, port), _Handler)
