@@ -222,6 +222,7 @@ def calls(folder):
         "Repertoire.reconstruct": Call(lambda: repertoire.reconstruct, {"descriptor": repertoire.descriptor}),
         "Repertoire.reach": Call(lambda: repertoire.reach, {"observation": repertoire.observation[0]}),
         "Repertoire.sample": Call(lambda: repertoire.sample, {"n": 2}),
+        "Repertoire.explained": Call(lambda: repertoire.explained, {}),
         "Repertoire.outlying": Call(lambda: repertoire.outlying, {}),
         "Repertoire.evaluate": Call(lambda: repertoire.evaluate, {"task": circle, "rows": [0, 1]}),
         "Repertoire.refine": Call(

@@ -212,13 +212,15 @@ def test_frames_with_a_nan_are_refused():
 
 
 def test_a_training_that_fails_is_tried_again_with_a_smaller_rate(monkeypatch):
-    """At the first rate all units saturate, and at a fifth of it; a twenty-fifth learns."""
+    """The first rate fails, and a fifth of it; a twenty-fifth learns."""
     x = np.random.default_rng(0).normal(size=(200, 2)) @ np.random.default_rng(1).normal(size=(2, 8))
     tried, really = [], training.train
 
     def train(*given):
         tried.append(given[3].learning_rate)
-        return really(*given)
+        trained = really(*given)
+        # What a rate that is too large really does differs between versions of JAX.
+        return trained._replace(diverged=True) if tried[-1] > 1 else trained
 
     monkeypatch.setattr(training, "train", train)
     options = {"hidden": (4,), "repeats": 1, "min_steps": 100, "clip": 0.0, "decay": "none", "random_state": 0}

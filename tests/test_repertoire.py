@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.decomposition import PCA
 
 import auroraqd
+from auroraqd.descriptors.scaling import Scaling
 from auroraqd.tasks import Ballistic, Genes
 
 
@@ -93,6 +94,24 @@ def test_an_empty_repertoire_says_so(empty, tmp_path):
     table.to_parquet(tmp_path / "a.parquet")
     for read in (pandas.read_csv(tmp_path / "a.csv"), pandas.read_parquet(tmp_path / "a.parquet")):
         assert list(read) == list(table)
+
+
+def test_what_principal_components_explain(learned, tmp_path):
+    observation = learned.observation
+    scaled = Scaling.of(observation).scaler(100)(observation)
+    of_pca = PCA(svd_solver="full").fit(scaled).explained_variance_ratio_.cumsum()
+    explained = learned.explained()
+    assert_allclose(explained, of_pca, rtol=1e-9)
+    assert explained[-1] == pytest.approx(1)
+    few = auroraqd.Aurora(2, "genotype", batch_size=30, seed=0).run(Ballistic(), generations=1)
+    few = auroraqd.load(auroraqd.save(few, tmp_path))
+    scaled = Scaling.of(few.observation).scaler(100)(few.observation)
+    assert_allclose(few.explained()[:5], PCA(5).fit(scaled).explained_variance_ratio_.cumsum(), rtol=1e-6)
+
+
+def test_of_observations_that_are_all_the_same_one_number_is_enough(tmp_path):
+    aurora = auroraqd.Aurora(2, "genotype", seed=0).run(lambda genotypes: np.ones((len(genotypes), 3)), generations=1)
+    assert_array_equal(auroraqd.load(auroraqd.save(aurora, tmp_path)).explained(), [1, 1, 1])
 
 
 def test_samples_are_spread(learned):

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 
 _MOST_TIMES = 10**6  # that a skill is evaluated again
 _MOST_TRIALS = 10**4  # for a goal
+_LOOKED_AT = 1000  # skills, to know how many dimensions observations have
 _OUTCOMES = "ground_truth", "observation", "descriptor"
 
 
@@ -422,6 +423,32 @@ class Repertoire(Individuals):
         if np.isnan(found).all(axis=1).any():
             raise ValueError(f"{called} must have finite entries, or NaN for what does not matter, but not NaN alone")
         return found
+
+    def explained(self) -> np.ndarray:
+        """Which share of the variance of what was observed the first principal components hold: how large a descriptor may be.
+
+        Each channel counts by its range, streams alike. Of more than a thousand skills, every so manieth is looked at.
+
+        Returns:
+            (k,) the share of the first, of the first two, and so on; the last is 1.
+
+        Raises:
+            ValueError: the repertoire is empty.
+
+        Examples:
+            >>> import auroraqd
+            >>> aurora = auroraqd.Aurora(2, "genotype", seed=0).run(auroraqd.tasks.Ballistic(), generations=2)
+            >>> auroraqd.load(auroraqd.save(aurora, "runs/explained")).explained()[:3].round(2)
+            array([0.53, 0.95, 0.98])
+        """
+        self._check_any("look at")
+        some = self.observation[:: -(-len(self) // _LOOKED_AT)]
+        rows = self._rulers["observation"].apart(some, np.zeros(features_of(some)))
+        rows -= rows.mean(axis=0)
+        products = rows @ rows.T if len(rows) < rows.shape[1] else rows.T @ rows
+        variance = np.clip(np.linalg.eigvalsh(products)[::-1], 0, None)
+        total = variance.sum()
+        return np.cumsum(variance) / total if total > 0 else np.ones(len(variance))
 
     def sample(self, n: int) -> np.ndarray:
         """Rows of n skills spread over descriptor space, always the same; fewer, if the rest are copies. See `diverse`."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -167,7 +168,8 @@ def report(folder: Path, figures: bool) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in [*_what_ran(folders.load_config(folder)), *_networks(repertoire), *_results(repertoire, records)]:
+    shown = _what_ran(folders.load_config(folder)), _networks(repertoire), _sizes(repertoire), _results(repertoire, records)
+    for name, value in chain.from_iterable(shown):
         table.add_row(name, value)
     for index, path in enumerate(files):
         table.add_row("" if index else "files", str(path))
@@ -202,6 +204,7 @@ def _first_of_pairs(pairs: Any) -> list[Any]:
     return [pair[0] for pair in pairs if isinstance(pair, list) and pair] if isinstance(pairs, list) else []
 
 
+_SHARES = 0.8, 0.9, 0.95, 0.99
 _LATEST = 20  # generations, for the error on individuals that are new
 _GENERALISES = 1.5  # times the error of what is stored, that the error on others may be
 
@@ -227,6 +230,15 @@ def _results(repertoire: Any, records: Sequence[Any]) -> list[tuple[str, str]]:
         shown = ", ".join(map(str, outlying[:10])) + ", ..." * (len(outlying) > 10)
         rows += [("far outside", f"rows {shown}: set aside when the descriptor is fitted")]
     return [*rows, ("time", f"{last.seconds:.1f} s, {_duration(last.seconds / max(last.evaluations, 1))} an evaluation")]
+
+
+def _sizes(repertoire: Any) -> list[tuple[str, str]]:
+    """How many dimensions observations have, which says how large a descriptor may be."""
+    if not len(repertoire):
+        return []
+    shares = repertoire.explained()
+    hold = ", ".join(f"{share:.0%}: {int((shares < share).sum()) + 1}" for share in _SHARES)
+    return [("dimensions", f"principal components that hold so much of the variance of what was observed: {hold}")]
 
 
 def _duration(seconds: float) -> str:
