@@ -88,6 +88,9 @@ def test_show_prints_and_redraws(run_folder):
     picture.unlink()
     done = command("show", run_folder)
     assert f"{len(auroraqd.load(run_folder)):,} individuals" in done.stdout
+    shares = auroraqd.load(run_folder).explained()
+    takes = [int(np.argmax(shares >= share)) + 1 for share in (0.8, 0.9, 0.95, 0.99)]
+    assert "80%: {}, 90%: {}, 95%: {}, 99%: {}".format(*takes) in " ".join(done.stdout.split())
     assert picture.read_bytes() == before
 
 
