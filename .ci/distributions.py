@@ -12,7 +12,7 @@ import zipfile
 from importlib import metadata
 from pathlib import Path
 
-NOT_IN_SDIST = (".ci/", ".pre-commit-config.yaml", "results/")
+NOT_IN_SDIST = (".ci/", ".pre-commit-config.yaml")
 OF_INSTALLERS = {"INSTALLER", "REQUESTED", "direct_url.json", "RECORD", "uv_cache.json"}
 
 
@@ -28,7 +28,7 @@ def check_wheel(names: set[str], tracked: set[str]) -> None:
 
 
 def check_sdist(names: set[str], tracked: set[str]) -> None:
-    """All that is tracked, but for what is about this repository and results of long runs."""
+    """All that is tracked, but for what is about this repository."""
     inside = {name.partition("/")[2] for name in names}
     wanted = {name for name in tracked if not name.startswith(NOT_IN_SDIST)}
     _same("the sdist", inside, wanted | {"PKG-INFO"})
