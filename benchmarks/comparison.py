@@ -32,6 +32,7 @@ from auroraqd._workers import cores
 from auroraqd.control.resolution import CSC, Size
 from auroraqd.emitters.ribs import CMA
 from auroraqd.emitters.selection import Mixed, Novelty, Surprise, Uniform
+from auroraqd.experiments.duration import TimeLeft
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Coverage, Diversity
 from auroraqd.experiments.progress import ExperimentProgress
@@ -169,7 +170,9 @@ def grown(experiment: Experiment, folder: Path, seeds: Mapping[str, int], genera
         missing, settings = plan(ledger, experiment, names, number, base)
         if missing:
             folder_at(folder)
-            with ExperimentProgress(Console(stderr=True), len(missing)) as progress:
+            left = TimeLeft(missing, jobs, [(experiment.task, ledger.results)])
+            with ExperimentProgress(Console(stderr=True), len(missing), left) as progress:
+                progress.begin(experiment.task)
                 execute(missing, settings, ledger, jobs, progress)
             if progress.failed:
                 raise SystemExit("; ".join(progress.failed))

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import comparison
+import latent
 import numpy as np
 import pytest
 import sphere
@@ -90,6 +91,22 @@ def test_the_page_says_what_the_results_are():
     tables, figures = comparison.report(results)
     assert comparison.filled(page.read_text(), tables) == page.read_text()
     assert all((page.parent / "figures" / f"{name}.png").is_file() for name in figures)
+
+
+def test_the_page_of_latent_sizes_says_what_the_results_are():
+    page, results = HOME / "docs" / "results" / "latent.md", HOME / "results"
+    found = latent.table({task: Ledger(results / f"latent-{task}") for task in latent.EXPERIMENTS})
+    assert comparison.filled(page.read_text(), {"latent": found}) == page.read_text()
+    assert (HOME / "docs" / "figures" / "latent.png").is_file()
+
+
+def test_runs_that_are_missing_are_grown(tmp_path, capsys):
+    experiment = comparison.CONTROLLED["ballistic"]
+    experiment = replace(experiment, variants={"csc-1000": experiment.variants["csc-1000"]})
+    for missing in (1, 0):
+        ledger = comparison.grown(experiment, tmp_path, {"csc-1000": 1}, 2, 1)
+        assert [(result.variant, result.generations) for result in ledger.results] == [("csc-1000", 2)]
+        assert capsys.readouterr().err.count("1/1") == missing
 
 
 @pytest.mark.parametrize("task", comparison.ALGORITHMS)

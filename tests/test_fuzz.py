@@ -241,7 +241,7 @@ def calls(folder):
         "Adaptation.predict": Call(of(auroraqd.Adaptation(GOOD, GOOD[:, 0]), "predict"), {}),
         "Checkpoints": Call(lambda: auroraqd.Checkpoints, {"aurora": aurora, "folder": folder}),
         "Snapshots": Call(lambda: auroraqd.Snapshots, {"folder": "run"}),
-        "save": Call(lambda: auroraqd.save, {"aurora": asked(), "folder": "run"}),
+        "save": Call(lambda: auroraqd.save, {"aurora": asked(), "folder": "run", "overwrite": True}),
         "load": Call(lambda: auroraqd.load, {"folder": folder}),
         "resume": Call(
             lambda: auroraqd.resume,
@@ -352,7 +352,8 @@ def calls(folder):
     if find_spec("gymnasium"):
         cart = {"env_id": "CartPole-v1", "controller": tasks.MLP(hidden=()), "steps": 2, "samples": 2}
         ten = {"genotypes": np.full((3, 10), 0.5)}
-        found["tasks.Gym"] = Call(lambda: tasks.Gym, cart)
+        # Of options that an environment has not, the sentence is Gymnasium's.
+        found["tasks.Gym"] = Call(lambda: tasks.Gym, cart, unnamed=("options",))
         found["tasks.Gym()"] = Call(lambda: tasks.Gym(**cart), ten)
         found["tasks.Gym(), noisy"] = Call(lambda: tasks.Gym(**cart, noisy=True), {**ten, "seeds": [1, 2, 3]})
         found["tasks.Hexapod"] = Call(lambda: tasks.Hexapod, {"seconds": 0.03, "samples": 1, "threads": 1})

@@ -54,7 +54,7 @@ class Ruler(NamedTuple):
         """
         given = ~np.isnan(goal)
         entries = np.bincount(self.stream[given])
-        weight = 1 / (self.half[given] * np.sqrt(entries[self.stream[given]] * np.count_nonzero(entries)))
+        weight = 1 / self.half[given] / np.sqrt(entries[self.stream[given]] * np.count_nonzero(entries))
         parts = []
         for index, rows in enumerate(streams_of(outcomes).values()):
             wanted = goal[self.stream == index]

@@ -164,7 +164,7 @@ class Repertoire(Individuals):
 
     def __init__(self, columns: Mapping[str, np.ndarray], origin: Origin):
         columns = {
-            name: (observations if name == "observation" else partial(numeric, rows=True))(f"column {name}", column)
+            name: (observations if name == "observation" else partial(numeric, rows=True))(f"columns[{name!r}]", column)
             for name, column in mapping("columns", columns).items()
         }
         self._origin = origin

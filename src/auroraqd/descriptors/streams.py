@@ -100,9 +100,9 @@ class Streams:
             if hasattr(transformer, "check_parameters"):
                 transformer.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]
         for name, weight in self.weights.items():
-            number(f"the weight of {name}", weight, wanted="above 0")
+            number(f"weights[{name!r}]", weight, wanted="above 0")
             if weight == 0:
-                raise ValueError(f"the weight of {name} must be a finite number, above 0, got 0: {name}=None leaves it out")
+                raise ValueError(f"weights[{name!r}] must be a finite number, above 0, got 0: {name}=None leaves it out")
 
     @property
     def _transformers(self) -> dict[str, Transformer]:
