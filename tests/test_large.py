@@ -1,4 +1,4 @@
-"""Observations that are large: in files instead of memory, and in parts beside checkpoints."""
+"""Observations that are large: in files instead of memory, and in pieces beside checkpoints."""
 
 import errno
 import os
@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 from sklearn.decomposition import PCA
 
 import auroraqd
-from auroraqd.runs import _parts, folders
+from auroraqd.runs import _pieces, folders
 
 PIXELS = np.arange(8)
 
@@ -31,10 +31,10 @@ def made(**options):
 
 
 @pytest.fixture
-def small_parts(monkeypatch):
-    """Any observations are large, a part has 30 of them."""
-    monkeypatch.setattr(_parts, "_LARGE", 1)
-    monkeypatch.setattr(_parts, "_MOST_BYTES", 30 * 64)
+def small_pieces(monkeypatch):
+    """Any observations are large, a piece has 30 of them."""
+    monkeypatch.setattr(_pieces, "_LARGE", 1)
+    monkeypatch.setattr(_pieces, "_MOST_BYTES", 30 * 64)
 
 
 def assert_same(one, other):
@@ -117,11 +117,11 @@ def test_on_the_command_line(tmp_path):
 
 
 def rows_in(folder):
-    return {path.name: len(_parts._read(path)[0]) for path in sorted((folder / _parts.FOLDER).iterdir())}
+    return {path.name: len(_pieces._read(path)[0]) for path in sorted((folder / _pieces.FOLDER).iterdir())}
 
 
 @pytest.mark.parametrize("task", [seen, in_streams])
-def test_a_checkpoint_writes_what_is_new(task, small_parts, tmp_path):
+def test_a_checkpoint_writes_what_is_new(task, small_pieces, tmp_path):
     aurora, twin = made(), made()
     with auroraqd.Checkpoints(aurora, tmp_path, every=0) as checkpoints:
         aurora.run(task, generations=4, callback=checkpoints)
@@ -149,12 +149,12 @@ def test_a_checkpoint_writes_what_is_new(task, small_parts, tmp_path):
 
 def test_small_ones_are_in_the_checkpoint(tmp_path, monkeypatch):
     aurora = made().run(seen, generations=3)
-    monkeypatch.setattr(_parts, "_LARGE", 1)
+    monkeypatch.setattr(_pieces, "_LARGE", 1)
     auroraqd.save(aurora, tmp_path)
-    assert (tmp_path / _parts.FOLDER).is_dir()
+    assert (tmp_path / _pieces.FOLDER).is_dir()
     monkeypatch.undo()
     auroraqd.save(aurora, tmp_path)
-    assert not (tmp_path / _parts.FOLDER).exists()
+    assert not (tmp_path / _pieces.FOLDER).exists()
     assert_same(auroraqd.load(tmp_path), aurora.archive)
 
 
@@ -165,18 +165,18 @@ def damaged(path):
 
 
 def of_others(path):
-    ids, rows = _parts._read(path)
-    folders._tensors.write(path, {"id": ids + 10**6, "observation": rows}, _parts._FORMAT, "")
+    ids, rows = _pieces._read(path)
+    folders._tensors.write(path, {"id": ids + 10**6, "observation": rows}, _pieces._FORMAT, "")
 
 
 def of_another_shape(path):
-    ids, rows = _parts._read(path)
-    folders._tensors.write(path, {"id": ids, "observation": rows[:, :4]}, _parts._FORMAT, "")
+    ids, rows = _pieces._read(path)
+    folders._tensors.write(path, {"id": ids, "observation": rows[:, :4]}, _pieces._FORMAT, "")
 
 
 def shorter(path):
-    ids, rows = _parts._read(path)
-    folders._tensors.write(path, {"id": ids[1:], "observation": rows}, _parts._FORMAT, "")
+    ids, rows = _pieces._read(path)
+    folders._tensors.write(path, {"id": ids[1:], "observation": rows}, _pieces._FORMAT, "")
 
 
 @pytest.mark.parametrize(
@@ -184,32 +184,32 @@ def shorter(path):
     [
         (damaged, "its checksum is wrong"),
         (os.unlink, "is missing"),
-        (of_others, "individuals are in none of its parts"),
+        (of_others, "individuals are in none of its pieces"),
         (of_another_shape, "must have shape"),
         (shorter, "must hold as many observations as ids"),
     ],
 )
-def test_of_a_damaged_part_the_checkpoint_before_is_taken(harm, said, small_parts, tmp_path):
+def test_of_a_damaged_piece_the_checkpoint_before_is_taken(harm, said, small_pieces, tmp_path):
     aurora = made()
     with auroraqd.Checkpoints(aurora, tmp_path / "run", every=0) as checkpoints:
         aurora.run(seen, generations=3, callback=checkpoints)
         before = made().run(seen, generations=2)
         shutil.copytree(tmp_path / "run", tmp_path / "copy")
-    newest = max((tmp_path / "copy" / _parts.FOLDER).iterdir())
+    newest = max((tmp_path / "copy" / _pieces.FOLDER).iterdir())
     harm(newest)
     with pytest.warns(UserWarning, match=f"{said}.*the checkpoint before it is taken"):
         assert_same(auroraqd.load(tmp_path / "copy"), before.archive)
-    oldest = min((tmp_path / "copy" / _parts.FOLDER).iterdir())
+    oldest = min((tmp_path / "copy" / _pieces.FOLDER).iterdir())
     harm(oldest)
     with pytest.raises(ValueError, match="is damaged"):
         auroraqd.load(tmp_path / "copy")
 
 
 @pytest.mark.parametrize("names", [b"[", b'["../../secret.safetensors"]', b"[3]", b'{"a": 1}', b"[]"])
-def test_names_of_parts_that_are_lies(names, small_parts, tmp_path):
+def test_names_of_pieces_that_are_lies(names, small_pieces, tmp_path):
     auroraqd.save(made().run(seen, generations=3), tmp_path)
     path = tmp_path / folders.REPERTOIRE
     arrays, kind = folders._tensors.read(path, folders._FORMAT)
-    folders._tensors.write(path, {**arrays, _parts._NAMES: np.frombuffer(names, np.uint8)}, folders._FORMAT, kind)
+    folders._tensors.write(path, {**arrays, _pieces._NAMES: np.frombuffer(names, np.uint8)}, folders._FORMAT, kind)
     with pytest.raises(ValueError, match=f"{path} is damaged"):
         auroraqd.load(tmp_path)

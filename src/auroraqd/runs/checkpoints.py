@@ -16,7 +16,7 @@ from auroraqd._interrupts import uninterrupted
 from auroraqd.aurora import Aurora
 from auroraqd.emitters.base import EmitterError
 from auroraqd.runs import _transformers, folders
-from auroraqd.runs._parts import Part
+from auroraqd.runs._pieces import Piece
 
 LOCK = ".lock"
 _SHARE = 0.02  # of the time of a run, at most, for checkpoints between its beginning and its end
@@ -78,7 +78,7 @@ class Checkpoints:
         self._first = False  # whether there was nothing in the folder
         self._next = 0.0
         self._saved: tuple[object, ...] | None = None
-        self._parts: Sequence[Part] = ()
+        self._pieces: Sequence[Piece] = ()
 
     def __enter__(self) -> "Checkpoints":
         if self._lock.is_locked:
@@ -136,7 +136,7 @@ class Checkpoints:
 
     def _save(self) -> None:
         with _collector_waiting():
-            self._parts = folders.write(self.aurora, self.folder, self._config, keep=self._keep, parts=self._parts)
+            self._pieces = folders.write(self.aurora, self.folder, self._config, keep=self._keep, pieces=self._pieces)
         self._keep = True
         self._saved = self._now()
 

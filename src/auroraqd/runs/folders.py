@@ -39,7 +39,7 @@ from auroraqd.history import History, Record
 from auroraqd.individuals import KNOWN
 from auroraqd.provenance import layers_in, made_again, made_by, task_in
 from auroraqd.repertoire import Repertoire
-from auroraqd.runs import _parts, _tensors, _transformers
+from auroraqd.runs import _pieces, _tensors, _transformers
 from auroraqd.runs._saved import as_layout, check_arrays, check_values
 from auroraqd.runs.state import State, is_of, restored, settings_of, state_of
 
@@ -116,14 +116,14 @@ def write(
     config: Mapping[str, Any] | None,
     *,
     keep: bool = False,
-    parts: Sequence[_parts.Part] = (),
-) -> Sequence[_parts.Part]:
+    pieces: Sequence[_pieces.Piece] = (),
+) -> Sequence[_pieces.Piece]:
     """As `save`; if `keep`, the checkpoint that is there becomes the one before.
 
     Args:
         aurora, folder, config: see `save`.
         keep: else the checkpoint before, if there is one, is removed: it may be of another run.
-        parts: what this returned for the checkpoint that is there, if it is of the same run.
+        pieces: what this returned for the checkpoint that is there, if it is of the same run.
 
     Returns:
         Large observations, and where they are.
@@ -134,15 +134,15 @@ def write(
     if keep:
         _keep(folder)
     arrays, kind = _contents(aurora, config)
-    arrays, parts = _parts.apart(folder, arrays, parts)
+    arrays, pieces = _pieces.apart(folder, arrays, pieces)
     _tensors.write(folder / REPERTOIRE, arrays, _FORMAT, kind)
     if not keep:
         (folder / PREVIOUS).unlink(missing_ok=True)
-    _parts.remove_others(folder, parts, lambda: _tensors.read(folder / PREVIOUS, _FORMAT)[0])
+    _pieces.remove_others(folder, pieces, lambda: _tensors.read(folder / PREVIOUS, _FORMAT)[0])
     write_config(aurora, folder, config)
     for path in [path for pattern in _PICTURES for path in (folder / FIGURES).glob(pattern)]:
         path.unlink()  # it shows what was there before
-    return parts
+    return pieces
 
 
 def check_no_layer(task: Mapping[str, Any] | None, folder: Path) -> None:
@@ -196,7 +196,7 @@ def load(folder: str | os.PathLike, *, trusted: Sequence[str] = ()) -> Repertoir
     trusted = _checked_trust(trusted)
 
     def repertoire(arrays: dict[str, np.ndarray], kind: str) -> Repertoire:
-        arrays = _parts.together(Path(folder), arrays)
+        arrays = _pieces.together(Path(folder), arrays)
         columns = {name: arrays.pop(name) for name in KNOWN if name in arrays}
         return Repertoire(columns, _Origin(as_path("folder", folder).absolute(), kind, arrays, trusted))
 
@@ -286,7 +286,7 @@ def resume(
     room = np.empty if observations is None else room_in(observations)
 
     def run(arrays: Mapping[str, np.ndarray], kind: str) -> Aurora:
-        arrays, values = _parts.together(path, arrays, room), _values(arrays)
+        arrays, values = _pieces.together(path, arrays, room), _values(arrays)
         check_arrays(values, arrays)
         descriptor = _descriptor(kind, arrays, values, trusted)
         return restored(State(values, dict(arrays)), descriptor, _seconds(path), parts, trusted, observations)

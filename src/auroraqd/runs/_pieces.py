@@ -1,7 +1,7 @@
-"""Large observations, images for instance, in files of their own beside a checkpoint: parts, each of which is written once.
+"""Large observations, images for instance, in files of their own beside a checkpoint: pieces, each of which is written once.
 
 An individual never changes what it observed. So a checkpoint writes the observations of those that came since the one before,
-and names the parts in which the others are. Observations of individuals that went stay in their parts until they are more than
+and names the pieces in which the others are. Observations of individuals that went stay in their pieces until they are more than
 those of individuals that are stored; then all are written anew.
 """
 
@@ -22,14 +22,14 @@ from auroraqd.runs._saved import check_array
 
 FOLDER = "observations"
 _FORMAT = "auroraqd observations 1"
-_NAMES, _COLUMN = "observation.parts", "observation"  # of a checkpoint: instead of the column, the names
+_NAMES, _COLUMN = "observation.pieces", "observation"  # of a checkpoint: instead of the column, the names
 _NAME = re.compile(r"[0-9]{8}\.safetensors")
 _LARGE = 2**26  # bytes: fewer are no reason for files of their own
-_MOST_BYTES = 2**24  # of a part: some times as much is needed to write it, where memory may have come to its end
-_MOST_PARTS = 256  # of a checkpoint, beyond those that are needed
+_MOST_BYTES = 2**24  # of a piece: some times as much is needed to write it, where memory may have come to its end
+_MOST_PIECES = 256  # of a checkpoint, beyond those that are needed
 
 
-class Part(NamedTuple):
+class Piece(NamedTuple):
     """A file, by its name, and the ids of the individuals in it, (n,)."""
 
     name: str
@@ -37,46 +37,46 @@ class Part(NamedTuple):
 
 
 def apart(
-    folder: Path, arrays: Mapping[str, np.ndarray], parts: Sequence[Part]
-) -> tuple[Mapping[str, np.ndarray], Sequence[Part]]:
-    """Arrays of a checkpoint with a large column of observations in parts, and these.
+    folder: Path, arrays: Mapping[str, np.ndarray], pieces: Sequence[Piece]
+) -> tuple[Mapping[str, np.ndarray], Sequence[Piece]]:
+    """Arrays of a checkpoint with a large column of observations in pieces, and these.
 
     Args:
         folder: of the run.
         arrays: by name.
-        parts: those that were written for the checkpoint before, of the same run.
+        pieces: those that were written for the checkpoint before, of the same run.
 
     Raises:
-        OSError: a part cannot be written.
+        OSError: a piece cannot be written.
     """
     observation, ids = arrays[_COLUMN], arrays["id"]
     if observation.nbytes < _LARGE:
         return arrays, ()
-    rows = np.flatnonzero(~np.isin(ids, np.concatenate([np.empty(0, np.int64), *(part.ids for part in parts)])))
+    rows = np.flatnonzero(~np.isin(ids, np.concatenate([np.empty(0, np.int64), *(piece.ids for piece in pieces)])))
     at_once = max(_MOST_BYTES * len(observation) // observation.nbytes, 1)
-    many = _MOST_PARTS + 2 * len(ids) // at_once
-    if len(parts) > many or sum(len(part.ids) for part in parts) + len(rows) > 2 * len(ids):
-        parts, rows = (), np.arange(len(ids))
+    many = _MOST_PIECES + 2 * len(ids) // at_once
+    if len(pieces) > many or sum(len(piece.ids) for piece in pieces) + len(rows) > 2 * len(ids):
+        pieces, rows = (), np.arange(len(ids))
     for begin in range(0, len(rows), at_once):
         some = rows[begin : begin + at_once]
-        parts = (*parts, _written(folder_at(folder / FOLDER), ids[some], observation[some]))
-    names = json.dumps([part.name for part in parts]).encode()
+        pieces = (*pieces, _written(folder_at(folder / FOLDER), ids[some], observation[some]))
+    names = json.dumps([piece.name for piece in pieces]).encode()
     rest = {name: array for name, array in arrays.items() if name != _COLUMN}
-    return {**rest, _NAMES: np.frombuffer(names, np.uint8)}, parts
+    return {**rest, _NAMES: np.frombuffer(names, np.uint8)}, pieces
 
 
-def _written(folder: Path, ids: np.ndarray, observation: np.ndarray) -> Part:
-    """A new part: under no name of another, which an earlier checkpoint may need."""
+def _written(folder: Path, ids: np.ndarray, observation: np.ndarray) -> Piece:
+    """A new piece: under no name of another, which an earlier checkpoint may need."""
     latest = max((int(path.stem) for path in _files(folder)), default=0)
     name = f"{latest + 1:08d}.safetensors"
     _tensors.write(folder / name, {"id": ids, _COLUMN: observation}, _FORMAT, "")
-    return Part(name, ids)
+    return Piece(name, ids)
 
 
 def together(
     folder: Path, arrays: Mapping[str, np.ndarray], room: Callable[[tuple[int, ...], np.dtype], np.ndarray] = np.empty
 ) -> dict[str, np.ndarray]:
-    """The arrays of a checkpoint, with its observations if they are in parts.
+    """The arrays of a checkpoint, with its observations if they are in pieces.
 
     Args:
         folder: of the run.
@@ -84,7 +84,7 @@ def together(
         room: makes an array for the observations, of a shape and a dtype.
 
     Raises:
-        ValueError: a part is damaged, or missing, or is not of this checkpoint.
+        ValueError: a piece is damaged, or missing, or is not of this checkpoint.
     """
     if _NAMES not in arrays:
         return dict(arrays)
@@ -95,21 +95,21 @@ def together(
     order = np.argsort(ids)
     missing = np.ones(len(ids), bool)
     for name in _names(arrays):
-        part_ids, rows = _read(folder / FOLDER / name)
+        piece_ids, rows = _read(folder / FOLDER / name)
         found = room((len(ids), *rows.shape[1:]), rows.dtype) if found is None else found
         check_like(name, rows, found)
-        place = np.searchsorted(ids, part_ids, sorter=order)
+        place = np.searchsorted(ids, piece_ids, sorter=order)
         place[place == len(ids)] = 0
         target = order[place]
-        here = ids[target] == part_ids
+        here = ids[target] == piece_ids
         found[target[here]], missing[target[here]] = rows[here], False
     if found is None or missing.any():
-        raise ValueError(f"the observations of {np.count_nonzero(missing)} individuals are in none of its parts")
+        raise ValueError(f"the observations of {np.count_nonzero(missing)} individuals are in none of its pieces")
     return {**{name: array for name, array in arrays.items() if name != _NAMES}, _COLUMN: found}
 
 
 def _names(arrays: Mapping[str, np.ndarray]) -> list[str]:
-    """Of the parts that a checkpoint needs."""
+    """Of the pieces that a checkpoint needs."""
     if _NAMES not in arrays:
         return []
     names = json.loads(arrays[_NAMES].tobytes())
@@ -119,7 +119,7 @@ def _names(arrays: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The ids, (n,), and the observations, (n, ...), of a part."""
+    """The ids, (n,), and the observations, (n, ...), of a piece."""
     try:
         arrays, _ = _tensors.read(path, _FORMAT)
     except FileNotFoundError:
@@ -131,9 +131,9 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return ids, rows
 
 
-def remove_others(folder: Path, parts: Sequence[Part], before: Callable[[], Mapping[str, np.ndarray]]) -> None:
-    """Remove the parts that are neither these nor of the checkpoint before, if it can be read; a call gives its arrays."""
-    needed = {part.name for part in parts}
+def remove_others(folder: Path, pieces: Sequence[Piece], before: Callable[[], Mapping[str, np.ndarray]]) -> None:
+    """Remove the pieces that are neither these nor of the checkpoint before, if it can be read; a call gives its arrays."""
+    needed = {piece.name for piece in pieces}
     others = [path for path in _files(folder / FOLDER) if path.name not in needed]
     if not others:
         return
