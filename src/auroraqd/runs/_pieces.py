@@ -1,8 +1,8 @@
 """Large observations, images for instance, in files of their own beside a checkpoint: pieces, each of which is written once.
 
 An individual never changes what it observed. So a checkpoint writes the observations of those that came since the one before,
-and names the pieces in which the others are. Observations of individuals that went stay in their pieces until they are more than
-those of individuals that are stored; then all are written anew.
+and names the pieces in which the others are. Observations of individuals that went stay in their pieces until they are more
+than those of individuals that are stored; then all are written anew.
 """
 
 import json
