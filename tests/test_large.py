@@ -147,6 +147,19 @@ def test_a_checkpoint_writes_what_is_new(task, small_pieces, tmp_path):
     assert sum(rows_in(tmp_path).values()) == len(again.archive)
 
 
+def test_there_are_never_many_pieces(tmp_path, monkeypatch):
+    monkeypatch.setattr(_pieces, "_LARGE", 1)
+    monkeypatch.setattr(_pieces, "_MOST_PIECES", 3)  # and two that all would take
+    aurora, numbers = made(), []
+    with auroraqd.Checkpoints(aurora, tmp_path, every=0) as checkpoints:
+        for _ in range(12):
+            aurora.run(seen, generations=1, callback=checkpoints)
+            numbers.append(len(set(rows_in(tmp_path))))
+            assert_same(auroraqd.load(tmp_path), aurora.archive)
+    assert numbers[:3] == [1, 2, 3]
+    assert max(numbers) <= 2 * (3 + 2) + 1  # those of the checkpoint before may be there too
+
+
 def test_small_ones_are_in_the_checkpoint(tmp_path, monkeypatch):
     aurora = made().run(seen, generations=3)
     monkeypatch.setattr(_pieces, "_LARGE", 1)

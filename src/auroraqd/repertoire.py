@@ -427,7 +427,7 @@ class Repertoire(Individuals):
     def explained(self) -> np.ndarray:
         """Which share of the variance of what was observed the first principal components hold: how large a descriptor may be.
 
-        Each channel counts by its range, streams alike. Of more than a thousand skills, every so manieth is looked at.
+        Each channel counts by its range, streams alike. Of more than a thousand skills, some are looked at, evenly spread.
 
         Returns:
             (k,) the share of the first, of the first two, and so on; the last is 1.
@@ -443,7 +443,7 @@ class Repertoire(Individuals):
         """
         self._check_any("look at")
         some = self.observation[:: -(-len(self) // _LOOKED_AT)]
-        rows = self._rulers["observation"].apart(some, np.zeros(features_of(some)))
+        rows = Ruler.of(some).apart(some, np.zeros(features_of(some)))
         rows -= rows.mean(axis=0)
         products = rows @ rows.T if len(rows) < rows.shape[1] else rows.T @ rows
         variance = np.clip(np.linalg.eigvalsh(products)[::-1], 0, None)
