@@ -58,13 +58,16 @@ def algorithms(experiment: Experiment) -> dict[str, Variant]:
     pca = {"descriptor": "pca"}
     paper = [_paper(name, experiment, title) for name, title in PAPER.items() if name in experiment.variants]
     ours = [Variant(name, title, {**pca, **settings}) for name, (title, settings) in OTHERS.items()]
-    return {variant.name: variant for variant in (*paper, *ours)}
+    isometric = experiment.variants[ISOMETRIC].settings["descriptor"]
+    geodesic = Variant("ae-geodesic", "AURORA, auto-encoder, geodesic", {"descriptor": f"{isometric},metric=geodesic"})
+    return {variant.name: variant for variant in (*paper, geodesic, *ours)}
 
 
+ISOMETRIC = "ae-isometric"
 PAPER = {
     "hand-coded": "hand-coded descriptor",
     "genotype": "genotype as descriptor",
-    "ae-isometric": "AURORA, auto-encoder",
+    ISOMETRIC: "AURORA, auto-encoder",
 }
 OTHERS: dict[str, tuple[str, dict[str, Any]]] = {
     AURORA: ("AURORA, PCA, VAT, curiosity", {}),
@@ -83,7 +86,6 @@ OTHERS: dict[str, tuple[str, dict[str, Any]]] = {
     "goals": ("goals, IMGEP-UGL", {"emitter": emitters.Goals()}),
     "cma-me": ("CMA-ME, of pyribs", {"emitter": emitters.Ribs(CMA(batch_size=Settings().batch_size // STRATEGIES))}),
 }
-ONCE = ("nslc", "ae-isometric")  # that is novelty search where all are equally fit; this takes long, and is in reproduction.md
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,7 @@ class Budget(NamedTuple):
     seeds: int = 5
     generations: int = 1_000
     controlled: int = 2_000  # generations of CSC
-    controlled_seeds: int = 3
+    controlled_seeds: int = 5
     sphere_seeds: int = 3
     iterations: int = ITERATIONS
 
@@ -314,7 +316,7 @@ def _arrival(points: Sequence[tuple[int, int]], target: int) -> str:
 def grow_all(out: Path, budget: Budget, jobs: int) -> None:
     """All that is missing."""
     for task, experiment in ALGORITHMS.items():
-        seeds = {name: 1 if name in ONCE else budget.seeds for name in experiment.variants}
+        seeds = dict.fromkeys(experiment.variants, budget.seeds)
         grown(experiment, out / f"algorithms-{task}", seeds, budget.generations, jobs)
     for task, experiment in CONTROLLED.items():
         seeds = dict.fromkeys(experiment.variants, budget.controlled_seeds)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from comparison import ALGORITHMS, PathLength, filled, grown
+from comparison import ALGORITHMS, ISOMETRIC, PathLength, filled, grown
 from matplotlib.figure import Figure
 
 from auroraqd._files import folder_at
@@ -38,7 +38,7 @@ def named(descriptor: str, dimensions: int) -> str:
 
 def latent(experiment: Experiment) -> Experiment:
     """An experiment of the comparison, with these descriptors instead of its algorithms."""
-    isometric = experiment.variants["ae-isometric"].settings["descriptor"]
+    isometric = experiment.variants[ISOMETRIC].settings["descriptor"]
     reference = [] if experiment.reference is None else [experiment.variants[experiment.reference]]
     ours = [
         Variant(

@@ -83,11 +83,13 @@ DESCRIPTORS = {
     "Isomap": lambda: OnFlat(Isomap(n_neighbors=8, n_components=2)),
     "mlp": lambda: auroraqd.AutoEncoder(2, network="mlp"),
     "euclidean": lambda: auroraqd.AutoEncoder(2, metric="euclidean"),
+    "measured": lambda: auroraqd.AutoEncoder(2, metric="measured"),
     "geodesic": lambda: auroraqd.AutoEncoder(2),
 }
 SAID = {
     "mlp": "AutoEncoder, network='mlp'",
     "euclidean": "AutoEncoder, metric='euclidean'",
+    "measured": "AutoEncoder, metric='measured' (blurred)",
     "geodesic": "AutoEncoder, the default (image, geodesic)",
 }
 

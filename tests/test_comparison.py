@@ -7,6 +7,7 @@ import comparison
 import latent
 import numpy as np
 import pytest
+import seeing
 import sphere
 from numpy.testing import assert_allclose
 
@@ -75,15 +76,16 @@ def test_the_sphere_is_theirs():
 def test_sphere_runs_go_on_where_they_were(tmp_path, capsys):
     path = tmp_path / "sphere.csv"
     found = sphere.sphere_runs(path, 1, iterations=3)
-    assert {row[:2] for row in found} == {(library, kind) for library in sphere.LIBRARIES for kind in sphere.KINDS}
+    both = {(library, kind) for library in sphere.LIBRARIES for kind in sphere.KINDS}
+    assert {row[:2] for row in found} == both - {(sphere.OURS, sphere.BY_BATCH)}
     assert all(0 < row.coverage < 1 for row in found)
-    assert capsys.readouterr().out.count("\n") == 6
+    assert capsys.readouterr().out.count("\n") == 7
     again = sphere.sphere_runs(path, 1, iterations=3)
     assert [row[:4] for row in sorted(again)] == [row[:4] for row in sorted(found)]
     assert capsys.readouterr().out == ""
     table = sphere.sphere_table(again)
     assert "| CMA-ME | 3 | 1 |" in table
-    assert len(sphere.sphere_figure(again).axes) == 3
+    assert len(sphere.sphere_figure(again).axes) == 4
 
 
 def test_the_page_says_what_the_results_are():
@@ -98,6 +100,27 @@ def test_the_page_of_latent_sizes_says_what_the_results_are():
     found = latent.table({task: Ledger(results / f"latent-{task}") for task in latent.EXPERIMENTS})
     assert comparison.filled(page.read_text(), {"latent": found}) == page.read_text()
     assert (HOME / "docs" / "figures" / "latent.png").is_file()
+
+
+def test_the_page_of_pixels_says_what_the_results_are():
+    page, results = HOME / "docs" / "results" / "pixels.md", HOME / "results"
+    found = seeing.table({task: Ledger(results / f"seeing-{task}") for task in seeing.EXPERIMENTS})
+    assert comparison.filled(page.read_text(), {"seeing": found}) == page.read_text()
+
+
+@pytest.mark.parametrize("task", seeing.EXPERIMENTS)
+def test_what_was_seen_is_measured_by_what_was_not(task):
+    experiment = seeing.EXPERIMENTS[task]
+    made, aurora = experiment.variants["pca"].of(Settings(task=task), 0).build()
+    aurora.run(made, generations=2)
+    values = [measure.score(measure.look(aurora.archive), None) for measure in experiment.measures]
+    if task == seeing.CAMERA:
+        ways = auroraqd.tasks.AirHockey()(aurora.archive.genotype).observation
+        assert values == [auroraqd.metrics.diversity(ways, seeing.SQUARES)] * 2  # fewer than 5,000 are stored
+    else:
+        ends = {tuple(place) for place in np.floor(aurora.archive.ground_truth / (seeing.SIDE / seeing.SQUARES)).tolist()}
+        assert values[0] == len(ends)
+        assert 1 <= values[1] <= values[0]
 
 
 def test_runs_that_are_missing_are_grown(tmp_path, capsys):

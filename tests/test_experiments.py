@@ -22,7 +22,7 @@ from scipy.stats import mannwhitneyu, ranksums
 
 import auroraqd
 from auroraqd import _workers
-from auroraqd.experiments import settings
+from auroraqd.experiments import replication, settings
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
 from auroraqd.experiments.runner import execute, plan
@@ -252,6 +252,34 @@ def test_a_run_is_the_same_alone(experiment, tmp_path):
     )
     assert alone.size == next(r.size for r in ledger.results if (r.variant, r.replication) == ("pca-incremental", 1))
     assert_array_equal(auroraqd.load(tmp_path).genotype, auroraqd.load(ledger.run_folder("pca-incremental", 1)).genotype)
+
+
+@pytest.mark.parametrize("damaged", [False, True], ids=["goes on", "begins anew"])
+def test_a_run_that_is_interrupted_goes_on_where_it_was(damaged, experiment, tmp_path, monkeypatch):
+    monkeypatch.setattr(replication, "_EVERY", 0.0)
+    reference, made = Ledger(experiment).run_folder("hand-coded", 1), BALLISTIC.variants["pca-incremental"].of(SMALL, 1)
+    made = replace(made, generations=60)  # with an update, and more looks than one
+    whole, points = replicate(Job("a", 1, made, tmp_path / "a", reference, BALLISTIC.measures), listener=lambda aurora: None)
+
+    def interrupt(aurora):
+        if aurora.generation == 53:
+            raise KeyboardInterrupt
+
+    job = Job("a", 1, made, tmp_path / "b", reference, BALLISTIC.measures)
+    with pytest.raises(KeyboardInterrupt):
+        replicate(job, interrupt)
+    assert len(list((job.folder / "looks").iterdir())) == sum(g < 53 for g in looked_at(60))
+    if damaged:
+        (job.folder / "looks" / "2.safetensors").write_bytes(b"")
+    done = []
+    again, points_again = replicate(job, lambda aurora: done.append(aurora.generation))
+    assert done == list(range(1 if damaged else 54, 61))
+    assert again._replace(seconds=0) == whole._replace(seconds=0)
+    assert points_again == points
+    assert not (job.folder / "looks").exists()
+    other = job._replace(settings=replace(made, seed=2))  # another run in the folder is none of this one
+    replicate(other, lambda aurora: done.append(aurora.generation))
+    assert done[-60:] == list(range(1, 61))
 
 
 def test_what_is_done_is_skipped(experiment):

@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 import auroraqd
 from auroraqd.descriptors import training
-from auroraqd.descriptors.networks import Recurrent
+from auroraqd.descriptors.networks import Image, Recurrent
 
 SHORT = {"hidden": (16,), "max_epochs": 1, "repeats": 2, "min_steps": 200, "isometry": 0.0, "random_state": 0}
 
@@ -84,11 +84,13 @@ def test_a_large_beta_does_not_press_the_latent_space_into_a_point(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("network", "shape"), [("mlp", (8,)), (Recurrent(units=4, updates=4, steps=60), (4, 2))], ids=["in memory", "in parts"]
+    ("network", "shape"),
+    [("mlp", (8,)), (Recurrent(units=4, updates=4, steps=60), (4, 2)), (Image(steps=20), (16, 16, 1))],
+    ids=["in memory", "in parts", "images"],
 )
 def test_runs_are_saved_and_go_on_bit_for_bit(network, shape, tmp_path):
     def robot(genotypes):
-        return np.zeros(len(genotypes)), genotypes[:, np.arange(8) % 2].reshape(-1, *shape)
+        return np.zeros(len(genotypes)), genotypes[:, np.arange(np.prod(shape)) % 2].reshape(-1, *shape)
 
     encoder = auroraqd.AutoEncoder(beta=0.01, network=network, hidden=(4,), repeats=1, min_steps=60)
     aurora = auroraqd.Aurora(2, encoder, seed=0, batch_size=30, schedule=auroraqd.Every(2)).run(robot, generations=3)

@@ -1,6 +1,5 @@
-"""One replication of one variant: a run, followed and measured."""
+"""One replication of one variant: a run, followed and measured. One that was interrupted goes on where it was."""
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,9 +8,13 @@ import numpy as np
 
 from auroraqd import metrics
 from auroraqd.aurora import Aurora
+from auroraqd.experiments.looks import Looks
 from auroraqd.experiments.measures import Measure
 from auroraqd.experiments.settings import Settings
 from auroraqd.runs import folders
+from auroraqd.runs.checkpoints import Checkpoints
+
+_EVERY = 20.0  # s between two checkpoints
 
 
 class Result(NamedTuple):
@@ -93,26 +96,34 @@ def looked_at(generations: int) -> frozenset[int]:
 
 
 def replicate(job: Job, listener: Callable[[Aurora], Any]) -> tuple[Result, list[Point]]:
-    """Do a run, save it, and measure it.
+    """Do a run, with checkpoints in its folder, or what is missing of it, and measure it.
 
     Args:
         job: which.
         listener: called after each generation.
     """
-    since = time.perf_counter()
     task, aurora = job.settings.build()
+    generations, config = job.settings.generations, job.settings.as_json()
+    wanted, kept = looked_at(generations), Looks(job.folder)
     looks: list[tuple[Any, dict[str, Any]]] = []
-    wanted = looked_at(job.settings.generations)
+
+    def look(aurora: Aurora) -> None:
+        if aurora.generation in wanted and len(aurora.archive):
+            taken = [m for m in job.measures if m.followed or aurora.generation == generations]
+            looks.append((aurora.history.last, {m.name: m.look(aurora.archive) for m in taken}))
+            kept.keep(aurora.generation, looks[-1][1])
 
     def follow(aurora: Aurora) -> None:
         listener(aurora)
-        if aurora.generation in wanted and len(aurora.archive):
-            taken = [m for m in job.measures if m.followed or aurora.generation == job.settings.generations]
-            looks.append((aurora.history.last, {m.name: m.look(aurora.archive) for m in taken}))
+        look(aurora)
 
-    aurora.run(task, generations=job.settings.generations, callback=follow)
-    seconds = time.perf_counter() - since
-    folders.save(aurora, job.folder, config=job.settings.as_json(), overwrite=True)
+    if (interrupted := _interrupted(job, kept)) is not None:
+        aurora, looks = interrupted
+        look(aurora)  # which may be what was interrupted
+    with Checkpoints(aurora, job.folder, every=_EVERY, config=config, overwrite=True) as checkpoints:
+        aurora.run(task, until_generation=generations, callback=(follow, checkpoints))
+    (job.folder / folders.PREVIOUS).unlink(missing_ok=True)  # or it could be taken for the end of the run
+    kept.remove()
     if not looks:
         raise ValueError("nothing was stored")
     last, seen = looks[-1]
@@ -121,7 +132,7 @@ def replicate(job: Job, listener: Callable[[Aurora], Any]) -> tuple[Result, list
         seen = {m.name: m.look(repertoire) for m in job.measures}
 
     def scores(looked: dict[str, Any]) -> dict[str, float]:
-        return {m.name: m.score(looked[m.name], seen[m.name]) for m in job.measures if m.name in looked}
+        return {m.name: float(m.score(looked[m.name], seen[m.name])) for m in job.measures if m.name in looked}
 
     run = job.variant, job.replication
     points = [Point(*run, record.generation, record.size, record.rmse, record.l, scores(looked)) for record, looked in looks]
@@ -135,11 +146,24 @@ def replicate(job: Job, listener: Callable[[Aurora], Any]) -> tuple[Result, list
         rmse_metres=_rmse_in_units(aurora),
         l=last.l,
         **{name: getattr(last, name) for name in ("new", "replaced", "rejected", "invalid")},
-        seconds=seconds,
+        seconds=last.seconds,
         measures=points[-1].measures,
     )
     followed = {m.name for m in job.measures if m.followed}
     return result, [p._replace(measures={name: p.measures[name] for name in p.measures if name in followed}) for p in points]
+
+
+def _interrupted(job: Job, kept: Looks) -> tuple[Aurora, list[tuple[Any, dict[str, Any]]]] | None:
+    """A run that a checkpoint holds and what was seen of it, if it is this one and can go on; else it is begun anew."""
+    try:
+        if folders.changed(job.folder, job.settings.as_json()):
+            return None
+        aurora = folders.resume(job.folder)
+        records = {record.generation: record for record in aurora.history.records}
+        wanted = [g for g in sorted(looked_at(job.settings.generations)) if g < aurora.generation]
+        return aurora, [(records[g], kept.kept(g)) for g in wanted]
+    except (OSError, ValueError, KeyError):
+        return None
 
 
 def _rmse_in_units(aurora: Aurora) -> float:

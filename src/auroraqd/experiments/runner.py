@@ -22,7 +22,7 @@ from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, replicate
 from auroraqd.experiments.settings import Settings
 from auroraqd.experiments.variants import Experiment
-from auroraqd.runs.folders import load
+from auroraqd.runs.folders import load, load_history
 
 _REPORT = 0.5  # s between two reports of a worker
 
@@ -89,18 +89,18 @@ def plan(
             reference = ledger.run_folder(experiment.reference, replication)
             others = [name for name in missing if name != experiment.reference]
             have = replication in ledger.done(experiment.reference)
-            if experiment.reference in missing or (others and not (have and _complete(reference))):
+            if experiment.reference in missing or (others and not (have and _complete(reference, base.generations))):
                 jobs.append(job(experiment.reference, replication, None))
             missing = others
         jobs += [job(name, replication, reference) for name in missing]
     return sorted(jobs, key=lambda job: job.reference is not None), settings
 
 
-def _complete(folder: Path) -> bool:
-    """Whether there is a repertoire that can be read."""
+def _complete(folder: Path, generations: int) -> bool:
+    """Whether there is a repertoire that can be read, of a run that was not interrupted."""
     try:
-        return len(load(folder)) > 0
-    except (OSError, ValueError):
+        return len(load(folder)) > 0 and load_history(folder)[-1].generation == generations
+    except (OSError, ValueError, IndexError):
         return False
 
 
@@ -114,8 +114,8 @@ def execute(
 ) -> None:
     """Do the runs and write each down as soon as it is done.
 
-    When it is interrupted, the runs under way are lost and the others kept: called again with the runs that are still
-    missing, it goes on.
+    When it is interrupted, it goes on when it is called again with the runs that are still missing: those under way from
+    their last checkpoint.
 
     Args:
         jobs: what to do.

@@ -1,0 +1,91 @@
+"""What distances between pictures are worth: pixels, blurred, and paths along the graph of neighbours.
+
+    python benchmarks/distances.py          # some minutes of one core
+
+The pictures are those of `pixels.py`: a disc, 32 x 32 x 1. A distance is worth its rank correlation with how far the discs are
+apart. Places are spread evenly, or as those of random genes, most of which leave the disc near the middle: what a run
+begins with.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from pixels import images, places
+from scipy.spatial.distance import pdist
+from scipy.stats import spearmanr
+
+from auroraqd.descriptors.distances import along_the_graph, flat, multiscale
+from auroraqd.descriptors.scaling import Scaling
+
+ROWS = (50, 100, 300, 1_000, 3_000)
+NEIGHBOURS, LANDMARKS = (4, 8, 16, 32), (50, 200, 500)
+NOISE = (0, 10, 30)  # deviation, of 255
+JUDGED = 1_000  # rows whose distances are looked at, at most
+
+
+def discs(n: int, bent: bool = False, noise: float = 0, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """True places, (n, 2), and pictures."""
+    rng = np.random.default_rng(seed)
+    place = places(rng.random((n, 3))) if bent else rng.random((n, 2))
+    seen = images(place)
+    if noise:
+        seen = np.clip(seen + rng.normal(0, noise, seen.shape), 0, 255).astype(np.uint8)
+    return place, seen
+
+
+def _paths(rows: np.ndarray, **options: int) -> np.ndarray:
+    return along_the_graph(rows, np.random.default_rng(0), **options)
+
+
+METRICS: Mapping[str, Callable[[np.ndarray, Scaling], np.ndarray]] = {
+    "pixels": flat,
+    "paths over pixels": lambda x, scaling: _paths(flat(x, scaling)),
+    "blurred": multiscale,
+    "paths over blurred": lambda x, scaling: _paths(multiscale(x, scaling)),
+}
+
+
+def worth(place: np.ndarray, coordinates: np.ndarray) -> float:
+    """Rank correlation of distances with the true ones."""
+    return float(spearmanr(pdist(place[:JUDGED]), pdist(coordinates[:JUDGED]))[0])
+
+
+def by_rows() -> None:
+    """How many pictures a graph needs, from even places, and from those of random genes."""
+    print(f"| places | pictures | {' | '.join(METRICS)} |\n|---|---|{'---|' * len(METRICS)}")
+    for bent in (False, True):
+        for n in ROWS:
+            place, x = discs(n, bent)
+            found = [worth(place, metric(x, Scaling.pixels(x))) for metric in METRICS.values()]
+            name = "of random genes" if bent else "even"
+            print(f"| {name} | {n:,} | {' | '.join(f'{value:.2f}' for value in found)} |", flush=True)
+
+
+def by_noise(n: int = 1_000) -> None:
+    """What noise of each pixel does."""
+    print(f"\n| noise, of 255 | {' | '.join(METRICS)} |\n|---|{'---|' * len(METRICS)}")
+    for noise in NOISE:
+        place, x = discs(n, noise=noise)
+        found = [worth(place, metric(x, Scaling.pixels(x))) for metric in METRICS.values()]
+        print(f"| {noise} | {' | '.join(f'{value:.2f}' for value in found)} |", flush=True)
+
+
+def by_graph(n: int = 3_000) -> None:
+    """Neighbours and landmarks, of paths over blurred pictures."""
+    place, x = discs(n)
+    blurred = multiscale(x, Scaling.pixels(x))
+    print(f"\n| neighbours | {' | '.join(f'{m} landmarks' for m in LANDMARKS)} | seconds |\n|---|{'---|' * len(LANDMARKS)}---|")
+    for k in NEIGHBOURS:
+        found, seconds = [], []
+        for landmarks in LANDMARKS:
+            since = time.process_time()
+            found.append(worth(place, _paths(blurred, neighbours=k, landmarks=landmarks)))
+            seconds.append(time.process_time() - since)
+        print(f"| {k} | {' | '.join(f'{value:.3f}' for value in found)} | {seconds[0]:.1f} to {seconds[-1]:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    by_rows()
+    by_noise()
+    by_graph()

@@ -1,0 +1,161 @@
+"""What a robot finds that only sees: air hockey and a maze through a camera, beside what an expert would measure.
+
+    python benchmarks/seeing.py                  # hours of one core; into runs/seeing
+    python benchmarks/seeing.py --quick          # to see it work
+    python benchmarks/seeing.py --out results --page docs/results/pixels.md     # what that page shows, from results
+
+Descriptors are learned from pictures alone. What repertoires are judged by is nothing that they have seen: the ways of the
+pucks in metres, for which the genotypes are evaluated once more, and where the robots of the maze end. Runs that are done are
+skipped, so it can be interrupted and called again.
+"""
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from comparison import STORED, filled, grown
+
+from auroraqd import emitters, metrics
+from auroraqd._files import folder_at
+from auroraqd._workers import cores
+from auroraqd.experiments.ledger import Ledger
+from auroraqd.experiments.measures import Diversity
+from auroraqd.experiments.statistics import Quartiles, rank_sums
+from auroraqd.experiments.variants import Experiment, Variant
+from auroraqd.tasks import AirHockey
+from auroraqd.tasks.maze import SIDE
+
+SQUARES = 20  # along each side, of the room and of the maze
+CAMERA, MAZE = "air-hockey-camera", "maze"
+EXPERT = "hand-coded"
+TITLES = {CAMERA: "Air hockey", MAZE: "Maze"}
+
+
+@dataclass(frozen=True)
+class Ways(Diversity):
+    """The diversity of the pucks' ways of as many individuals, drawn at random; all, where there are fewer.
+
+    Args:
+        number: of individuals.
+    """
+
+    number: int = 10**9
+
+    def look(self, individuals: Any) -> float:
+        """See `Diversity`."""
+        rows = np.random.default_rng(0).permutation(len(individuals))[: self.number]
+        return metrics.diversity(AirHockey()(individuals.genotype[np.sort(rows)]).observation, self.bins)
+
+
+@dataclass(frozen=True)
+class Squares:
+    """In how many squares of the maze individuals end; or exp of the entropy of how they are spread over them.
+
+    Args:
+        name, title, form, followed, logarithmic: see `Measure`.
+        effective: whether it is the latter.
+    """
+
+    name: str
+    title: str
+    effective: bool = False
+    form: str = "{:.0f}"
+    followed: bool = False
+    logarithmic: bool = False
+
+    def look(self, individuals: Any) -> float:
+        """See the class."""
+        bounds = [(0, SIDE)] * 2
+        share = np.histogram2d(*individuals.ground_truth.T, bins=SQUARES, range=bounds)[0].ravel() / len(individuals)
+        share = share[share > 0]
+        return float(np.exp(-(share * np.log(share)).sum())) if self.effective else len(share)
+
+    def score(self, looked: float, reference: float) -> float:
+        """See the class."""
+        return looked
+
+
+def _seen(task: str, *measures: Any) -> Experiment:
+    """What is compared: descriptors that are learned from pictures, with one that is told what counts, and without any."""
+    variants = [
+        Variant(EXPERT, "hand-coded descriptor", {"descriptor": "hand-coded"}),
+        Variant("random", "random controllers", {"descriptor": "hand-coded", "emitter": emitters.Goals(random=1.0)}),
+        Variant("pca", "PCA, 2", {"descriptor": "pca"}),
+        Variant("pca-5", "PCA, 5", {"descriptor": "pca", "components": 5}),
+        Variant("ae", "`AutoEncoder(2)`", {"descriptor": "autoencoder"}),
+    ]
+    return Experiment(
+        task=task,
+        variants={variant.name: variant for variant in variants},
+        measures=measures,
+        reference=None,
+        tested=(measures[-1].name,),
+        truth="final position",
+    )
+
+
+EXPERIMENTS = {
+    CAMERA: _seen(
+        CAMERA,
+        Ways("diversity", "diversity", SQUARES, followed=False),
+        Ways("diversity_drawn", f"of {STORED:,}", SQUARES, followed=False, number=STORED),
+    ),
+    MAZE: _seen(MAZE, Squares("coverage", f"coverage of {SQUARES**2}"), Squares("effective", "effective squares", True)),
+}
+
+
+def table(ledgers: Mapping[str, Ledger]) -> str:
+    """A line a task and descriptor: medians (quartiles); p of a rank-sum test of the last measure, beside the expert."""
+    lines = []
+    for task, ledger in ledgers.items():
+        experiment = EXPERIMENTS[task]
+        titles = " | ".join(measure.title for measure in experiment.measures)
+        lines += [f"| {TITLES[task]} | runs | stored | {titles} | p | seconds |", "|---" * (5 + len(experiment.measures)) + "|"]
+        tests = rank_sums(ledger.results, experiment.tested[0])
+        for name, variant in experiment.variants.items():
+            found = [result for result in ledger.results if result.variant == name]
+            if not found:
+                continue
+            cells = [_cell(measure.form, [r.value(measure.name) for r in found]) for measure in experiment.measures]
+            size, seconds = (np.median([getattr(r, one) for r in found]) for one in ("size", "seconds"))
+            p = tests.get((EXPERT, name), tests.get((name, EXPERT)))
+            lines.append(
+                f"| {variant.title} | {len(found)} | {size:,.0f} | {' | '.join(cells)} | {'' if p is None else f'{p:.2g}'} "
+                f"| {seconds:.0f} |"
+            )
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _cell(form: str, values: list[float]) -> str:
+    q = Quartiles.of(np.array(values))
+    return f"{form.format(q.median)} ({form.format(q.first)}, {form.format(q.third)})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("runs/seeing"), help="where results are, and more are added")
+    parser.add_argument("--seeds", type=int, default=5, help="of each")
+    parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once")
+    parser.add_argument("--quick", action="store_true", help="into OUT/quick")
+    parser.add_argument("--page", type=Path, help="whose table is replaced by the one that comes out")
+    options = parser.parse_args()
+    out = options.out / "quick" if options.quick else options.out
+    seeds, generations = (1, 10) if options.quick else (options.seeds, 1_000)
+    ledgers = {
+        task: grown(
+            experiment, folder_at(out) / f"seeing-{task}", dict.fromkeys(experiment.variants, seeds), generations, options.jobs
+        )
+        for task, experiment in EXPERIMENTS.items()
+    }
+    text = table(ledgers)
+    print(text)
+    if options.page is not None:
+        options.page.write_text(filled(options.page.read_text(), {"seeing": text}))
+
+
+if __name__ == "__main__":
+    main()
