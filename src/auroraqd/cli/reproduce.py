@@ -52,8 +52,8 @@ def reproduce(
 ) -> None:
     """Repeat an experiment of the paper: all variants, many times, with statistics and figures.
 
-    Interrupt it and call it again: runs that are done are skipped, and those under way go on. "paper" repeats both, and writes a report with
-    each claim of the paper beside what came out.
+    Interrupt it and call it again: runs that are done are skipped, and those under way go on. "paper" repeats
+    both, and writes a report with each claim of the paper beside what came out.
 
     Example: auroraqd reproduce ballistic --quick
     """
