@@ -9,10 +9,13 @@ On the ballistic task and on air hockey, each algorithm with the library's defau
 individuals to store take the same; then how the number that `CSC` stores comes to its target; then pyribs' sphere benchmark
 (`sphere.py`, which runs alone too). Runs that are done are skipped, so it can be interrupted and called again.
 
-Seconds are those of one core of whatever else the machine does; compare ratios.
+Evaluations a second are measured apart from the repertoires: all algorithms in turn in one process, in its CPU seconds, so
+that they compare whatever else the machine does.
 """
 
 import argparse
+import itertools
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +27,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from rich.console import Console
 from scipy.stats import spearmanr
-from sphere import ITERATIONS, Found, sphere_figure, sphere_runs, sphere_table
+from sphere import ITERATIONS, Found, sphere_figure, sphere_runs, sphere_table, write_rows
+from threadpoolctl import threadpool_limits
 
 from auroraqd import emitters, metrics
 from auroraqd._files import folder_at, read_table
@@ -46,6 +50,7 @@ STORED = 5_000  # individuals, of those that take a number
 TARGETS = (1_000, 5_000, 10_000)  # of CSC
 AURORA = "aurora"
 SPHERE = Path("sphere", "sphere.csv")
+SPEED = "speed.csv"  # beside the runs of a task
 STRATEGIES = 5  # of CMA-ME, that share a batch
 
 
@@ -157,11 +162,49 @@ class Budget(NamedTuple):
     generations: int = 1_000
     controlled: int = 2_000  # generations of CSC
     controlled_seeds: int = 5
+    rounds: int = 3  # in which speed is measured
     sphere_seeds: int = 3
     iterations: int = ITERATIONS
 
 
-QUICK = Budget(2, 20, 40, 1, 1, 20)
+QUICK = Budget(2, 20, 40, 1, 1, 1, 20)
+
+
+class Speed(NamedTuple):
+    """What a run took.
+
+    Attributes:
+        variant: which.
+        turn: in which turn.
+        generations, batch_size: of the run.
+        seconds: of CPU.
+    """
+
+    variant: str
+    turn: int
+    generations: int
+    batch_size: int
+    seconds: float
+
+
+def speeds(path: Path, experiment: Experiment, rounds: int, generations: int) -> list[Speed]:
+    """How fast the algorithms are, in turn, each after a short run that compiles; what is in the file is not done again."""
+    found = {row[:3]: row for row in (read_table(path, Speed) if path.is_file() else [])}
+    for turn, (name, variant) in itertools.product(range(rounds), experiment.variants.items()):
+        if (name, turn, generations) in found:
+            continue
+        settings = variant.of(Settings(task=experiment.task, generations=generations), turn)
+        with threadpool_limits(1):
+            short, aurora = settings.build()
+            aurora.run(short, generations=3)
+            task, aurora = settings.build()
+            since = time.process_time()
+            aurora.run(task, generations=generations)
+            row = Speed(name, turn, generations, settings.batch_size, time.process_time() - since)
+        print(row, flush=True)
+        found[row[:3]] = row
+        write_rows(path, Speed, sorted(found.values()))
+    return list(found.values())
 
 
 def grown(experiment: Experiment, folder: Path, seeds: Mapping[str, int], generations: int, jobs: int) -> Ledger:
@@ -181,7 +224,7 @@ def grown(experiment: Experiment, folder: Path, seeds: Mapping[str, int], genera
     return ledger
 
 
-def algorithms_table(ledger: Ledger, experiment: Experiment) -> str:
+def algorithms_table(ledger: Ledger, experiment: Experiment, fast: Sequence[Speed]) -> str:
     """A line a variant: what it stored and came to, and how fast; and whether that differs from AURORA's.
 
     Best first by the measure that is tested last; the p-values are those of rank-sum tests of it.
@@ -197,7 +240,10 @@ def algorithms_table(ledger: Ledger, experiment: Experiment) -> str:
     rows = [(variant, found) for variant, found in rows if found]
     up = experiment.reference is None  # diversity, of which more is better; not so of the KLC
     rows.sort(key=lambda row: (-1 if up else 1) * _median(row[1], last))
-    speed = {variant.name: np.median([r.generations * r.batch_size / r.seconds for r in found]) for variant, found in rows}
+    speed = {
+        name: np.median([r.generations * r.batch_size / r.seconds for r in fast if r.variant == name] or [np.nan])
+        for name in experiment.variants
+    }
     for variant, found in rows:
         cells = [_cell(measure.form, [r.value(measure.name) for r in found]) for measure in experiment.measures]
         p = (
@@ -294,7 +340,7 @@ def controlled_table(ledgers: Mapping[str, Ledger]) -> str:
         for target in TARGETS:
             curves = _curves(ledger, f"csc-{target}")
             sizes = [np.median([dict(points)[g] for points in curves]) for g in shown]
-            arrivals = [_arrival(points, target) for points in curves]
+            arrivals = dict.fromkeys(_arrival(points, target) for points in curves)
             lines.append(f"| {task} | {target:,} | {' | '.join(f'{size:,.0f}' for size in sizes)} | {', '.join(arrivals)} |")
     return "\n".join(lines) + "\n"
 
@@ -318,6 +364,7 @@ def grow_all(out: Path, budget: Budget, jobs: int) -> None:
     for task, experiment in ALGORITHMS.items():
         seeds = dict.fromkeys(experiment.variants, budget.seeds)
         grown(experiment, out / f"algorithms-{task}", seeds, budget.generations, jobs)
+        speeds(out / f"algorithms-{task}" / SPEED, experiment, budget.rounds, budget.generations)
     for task, experiment in CONTROLLED.items():
         seeds = dict.fromkeys(experiment.variants, budget.controlled_seeds)
         grown(experiment, out / f"csc-{task}", seeds, budget.controlled, jobs)
@@ -329,7 +376,8 @@ def report(out: Path) -> tuple[dict[str, str], dict[str, Figure]]:
     compared = {task: Ledger(out / f"algorithms-{task}") for task in ALGORITHMS}
     controlled = {task: Ledger(out / f"csc-{task}") for task in CONTROLLED}
     found = read_table(out / SPHERE, Found)
-    tables = {task: algorithms_table(ledger, ALGORITHMS[task]) for task, ledger in compared.items()}
+    fast = {task: read_table(out / f"algorithms-{task}" / SPEED, Speed) for task in ALGORITHMS}
+    tables = {task: algorithms_table(ledger, ALGORITHMS[task], fast[task]) for task, ledger in compared.items()}
     tables |= {"paths": with_paths(compared["air-hockey"])}
     tables |= {"csc": controlled_table(controlled), "sphere": sphere_table(found)}
     figures = {"comparison": algorithms_figure(compared), "csc": controlled_figure(controlled), "sphere": sphere_figure(found)}

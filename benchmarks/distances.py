@@ -1,10 +1,10 @@
-"""What distances between pictures are worth: pixels, blurred, and paths along the graph of neighbours.
+"""What distances between observations are worth: straight, blurred, and along paths over the graph of neighbours.
 
     python benchmarks/distances.py          # some minutes of one core
 
-The pictures are those of `pixels.py`: a disc, 32 x 32 x 1. A distance is worth its rank correlation with how far the discs are
-apart. Places are spread evenly, or as those of random genes, most of which leave the disc near the middle: what a run
-begins with.
+Pictures are those of `pixels.py`: a disc, 32 x 32 x 1. A distance is worth its rank correlation with how far the discs are
+apart; those of throws and of pucks, with how far apart they have their top, and end. Places are spread evenly, or as those of
+random genes, most of which leave the disc near the middle: what a run begins with.
 """
 
 import time
@@ -15,6 +15,7 @@ from pixels import images, places
 from scipy.spatial.distance import pdist
 from scipy.stats import spearmanr
 
+import auroraqd
 from auroraqd.descriptors.distances import along_the_graph, flat, multiscale
 from auroraqd.descriptors.scaling import Scaling
 
@@ -85,7 +86,20 @@ def by_graph(n: int = 3_000) -> None:
         print(f"| {k} | {' | '.join(f'{value:.3f}' for value in found)} | {seconds[0]:.1f} to {seconds[-1]:.1f} |", flush=True)
 
 
+def by_task(generations: int = 300, n: int = 3_000) -> None:
+    """Trajectories of the paper's tasks, of repertoires that are spread evenly over the ground truth."""
+    print("\n| task | trajectories | straight | paths |\n|---|---|---|---|")
+    for task in (auroraqd.tasks.Ballistic(), auroraqd.tasks.AirHockey()):
+        archive = auroraqd.Aurora(task.n_genes, "hand-coded", seed=0).run(task, generations=generations).archive
+        rows = np.random.default_rng(0).permutation(len(archive))[:n]
+        seen, truth = archive.observation[rows], archive.ground_truth[rows]
+        straight = flat(seen, Scaling.of(seen))
+        found = [worth(truth, coordinates) for coordinates in (straight, _paths(straight))]
+        print(f"| {type(task).__name__} | {len(rows):,} | {' | '.join(f'{value:.2f}' for value in found)} |", flush=True)
+
+
 if __name__ == "__main__":
     by_rows()
     by_noise()
     by_graph()
+    by_task()

@@ -15,7 +15,7 @@ import csv
 import io
 import itertools
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -146,15 +146,16 @@ def sphere_runs(path: Path, seeds: int, iterations: int = ITERATIONS) -> list[Fo
             with threadpool_limits(1):
                 found |= {row[:4]: row for row in followed(library, kind, seed, iterations)}
             print(found[library, kind, seed, iterations], flush=True)
-            _write(path, sorted(found.values()))
+            write_rows(path, Found, sorted(found.values()))
     return list(found.values())
 
 
-def _write(path: Path, found: Iterable[Found]) -> None:
+def write_rows(path: Path, kind: type[Any], found: Iterable[Sequence[Any]]) -> None:
+    """A table of named tuples of a kind, as `read_table` reads it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(Found._fields)
+    table.writerow(kind._fields)
     table.writerows([f"{v:.6g}" if isinstance(v, float) else v for v in row] for row in found)
     with replacing(path) as file:
         file.write(text.getvalue().encode())

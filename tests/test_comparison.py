@@ -48,16 +48,26 @@ def result(variant, replication, **values):
 
 
 def test_the_table_is_in_order_and_tests_against_aurora(tmp_path):
-    ledger, experiment = Ledger(tmp_path), comparison.ALGORITHMS["air-hockey"]
+    ledger, experiment, fast = Ledger(tmp_path), comparison.ALGORITHMS["air-hockey"], []
     for i, (variant, value) in enumerate({comparison.AURORA: 100.0, "random": 10.0, "surprise": 200.0}.items()):
         for seed in range(5):
             measures = {"diversity_20": value, "diversity_drawn": value + seed}
-            values = {"generations": 10, "batch_size": 200, "seconds": 2.0 + i, "measures": measures}
-            ledger.results.append(result(variant, seed, **values))
-    *_, first, second, third = comparison.algorithms_table(ledger, experiment).splitlines()
+            ledger.results.append(result(variant, seed, measures=measures))
+            fast.append(comparison.Speed(variant, seed, 10, 200, 2.0 + i))
+    *_, first, second, third = comparison.algorithms_table(ledger, experiment, fast).splitlines()
     assert first.startswith("| selection by surprise")
     assert second.startswith("| AURORA")
     assert third.endswith("| 0.0079 | 667 | 0.67 |")  # exact, of five beside five that do not overlap
+
+
+def test_speed_is_measured_once(tmp_path, capsys):
+    experiment = comparison.ALGORITHMS["ballistic"]
+    experiment = replace(experiment, variants={name: experiment.variants[name] for name in ("aurora", "random")})
+    for lines in (4, 0):
+        found = comparison.speeds(tmp_path / "speed.csv", experiment, 2, 3)
+        assert sorted(row[:4] for row in found) == [(name, i, 3, 200) for name in ("aurora", "random") for i in range(2)]
+        assert all(0 < row.seconds < 60 for row in found)
+        assert capsys.readouterr().out.count("\n") == lines
 
 
 def test_when_a_number_arrives_to_stay():
