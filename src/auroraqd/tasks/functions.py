@@ -280,17 +280,19 @@ def _columns(result: Any, array: Callable[[str, Any], Any]) -> Any:
     Raises:
         ValueError: it is nothing of the kind.
     """
-    wanted = "it must return a tuple of fitness, observation and optionally ground truth, or observation alone, (...), got"
+    wanted = "it must return a tuple of fitness, observation and optionally ground truth, or observation alone, (...)"
     if isinstance(result, tuple):
         parts = result[:2] if len(result) == 3 and result[2] is None else result  # an `Evaluation` without
         if len(parts) not in (2, 3):
-            raise ValueError(f"{wanted} a tuple of {len(result)}")
+            raise ValueError(f"{wanted}, got a tuple of {len(result)}")
         return tuple(_each_stream(array, name, part) for name, part in zip(_NAMES, parts, strict=False))
     if result is None or isinstance(result, str | bytes | set):
-        raise ValueError(f"{wanted} {result if result is None else type(result).__name__}")
+        raise ValueError(f"{wanted}, got {result if result is None else type(result).__name__}")
     observation = _each_stream(array, "observation", result)
     if not isinstance(observation, Mapping) and observation.ndim == 0:
-        raise ValueError(f"{wanted} one number for a genotype: as observation of one entry it must be an array, of shape (1,)")
+        raise ValueError(
+            f"{wanted}, got one number for a genotype: as observation of one entry it must be an array, of shape (1,)"
+        )
     return observation
 
 
