@@ -230,6 +230,44 @@ def test_a_training_that_fails_is_tried_again_with_a_smaller_rate(monkeypatch):
     assert encoder.training_rmse_ < 0.25  # that of the first is 0.37
 
 
+def full_gpu(monkeypatch, message):
+    """A device whose memory is full after the first piece of a training, beside a processor."""
+    steps, tried = training._steps, []
+
+    def limited(*given):
+        tried.append(training.jax.config.jax_default_device)
+        for progress in steps(*given):
+            yield progress
+            if tried[-1] is None:
+                raise training.jax.errors.JaxRuntimeError(message)
+        return (yield from steps(*given))
+
+    monkeypatch.setattr(training, "_steps", limited)
+    monkeypatch.setattr(training.jax, "default_backend", lambda: "gpu")
+    return tried
+
+
+def test_what_a_gpu_has_no_memory_for_the_processor_trains(monkeypatch):
+    x = np.random.default_rng(0).normal(size=(60, 2)) @ np.random.default_rng(1).normal(size=(2, 8))
+    options = {"hidden": (8,), "repeats": 1, "min_steps": 200, "random_state": 0}
+    tried = full_gpu(monkeypatch, "RESOURCE_EXHAUSTED: Out of memory while trying to allocate 11811160064 bytes.")
+    with pytest.warns(UserWarning, match="the gpu has not enough memory to train AutoEncoder on 60 observations"):
+        encoder = auroraqd.AutoEncoder(**options).fit(x)
+    assert [None if device is None else device.platform for device in tried] == [None, "cpu"]
+    assert np.isfinite(encoder.transform(x)).all()
+
+
+def test_another_trouble_of_a_gpu_refuses_an_update_and_ends_no_run(monkeypatch):
+    task = auroraqd.tasks.Ballistic()
+    encoder = auroraqd.AutoEncoder(2, hidden=(4,), repeats=1, min_steps=20)
+    aurora = auroraqd.Aurora(2, encoder, seed=0, batch_size=30, schedule=auroraqd.Every(2)).run(task, generations=1)
+    stored = len(aurora.archive)
+    full_gpu(monkeypatch, "INTERNAL: the device has gone")
+    with pytest.warns(UserWarning, match="no update of the descriptor at generation 2"):
+        aurora.run(task, generations=2)
+    assert len(aurora.archive) >= stored
+
+
 def test_a_network_of_ones_own():
     """Any frozen dataclass that derives from Network; with its loss."""
     x = np.random.default_rng(0).normal(size=(80, 2)) @ np.random.default_rng(1).normal(size=(2, 8))

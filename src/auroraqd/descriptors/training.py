@@ -10,7 +10,9 @@ progress. Long ones, images, are read in parts of a few mini-batches from where 
 mini-batch at a time; that loop is compiled once for any number of them.
 """
 
+import copy
 import time
+import warnings
 from collections.abc import Callable, Generator, Iterator
 from functools import cache
 from typing import Any, NamedTuple
@@ -131,8 +133,32 @@ def train(
 ) -> Trained:
     """Train a network of this kind from these weights on.
 
-    When an epoch gives a NaN or an infinity, training ends with the weights that were the best before.
+    When an epoch gives a NaN or an infinity, training ends with the weights that were the best before. JAX chooses the device;
+    where that is none of a processor and has not enough memory, the processor trains.
+
+    Warns:
+        UserWarning: it had not.
     """
+    again = copy.deepcopy(rng)
+    try:
+        return _trained(network, data, kind, protocol, rng, listener)
+    except jax.errors.JaxRuntimeError as error:
+        if "RESOURCE_EXHAUSTED" not in str(error) or jax.default_backend() == "cpu":
+            raise
+        short = f"the {jax.default_backend()} has not enough memory to train AutoEncoder on {len(data.x):,} observations"
+    warnings.warn(f"{short}, so the processor does: it takes longer. A smaller batch_size may help", stacklevel=2)
+    with jax.default_device(jax.devices("cpu")[0]):
+        return _trained(network, data, kind, protocol, again, listener)
+
+
+def _trained(
+    network: AutoEncoderNetwork,
+    data: Data,
+    kind: Network,
+    protocol: Protocol,
+    rng: np.random.Generator,
+    listener: Callable[[Progress], Any] | None,
+) -> Trained:
     steps = (_steps if data.scaler is None else _steps_in_parts)(network, data, kind, protocol, rng)
     while True:
         try:
