@@ -5,6 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from functools import cached_property
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -71,7 +72,7 @@ class Environments:
             self._made.append(self._make())
         return self._made[:n]
 
-    @property
+    @cached_property
     def observations(self) -> int:
         """Numbers that a robot senses.
 
@@ -108,8 +109,18 @@ class Environments:
         return self.flat(sensed)
 
     def flat(self, sensed: Any) -> np.ndarray:
-        """An observation of the environment as (observations,)."""
-        return self._gymnasium.spaces.flatten(self.first.observation_space, sensed)
+        """An observation of the environment as (observations,).
+
+        Raises:
+            ValueError: it is of another size than its space.
+        """
+        flat = self._gymnasium.spaces.flatten(self.first.observation_space, sensed)
+        if flat.shape != (self.observations,):
+            raise ValueError(
+                f"observations of {self._recipe[0]} must be {self.observations} numbers, as its observation_space says, "
+                f"got {flat.size}"
+            )
+        return flat
 
     def actions(self, controls: np.ndarray) -> np.ndarray:
         """Controls in [-1, 1], (..., actuators), as actions of the environment, (..., *its shape), of its dtype."""
