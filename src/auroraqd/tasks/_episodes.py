@@ -199,20 +199,17 @@ def stepped(
         sensed[row] = environments.begin(env, seeds[row])
     observation, states = np.empty((n, steps, sensed.shape[1])), np.empty((n, steps, state.shape[1]))
     control = np.zeros_like(environments.actions(np.zeros((n, steps, environments.actuators))))
-    reward, length, going = np.zeros((n, steps)), np.full(n, steps), np.ones(n, bool)
+    reward, length = np.zeros((n, steps)), np.full(n, steps)
+    going, diverged = np.ones(n, bool), np.zeros(n, bool)
 
-    def step_of(step: int, actions: np.ndarray, finite: np.ndarray, rows: np.ndarray) -> None:
+    def step_of(step: int, actions: np.ndarray, rows: np.ndarray) -> None:
         for row in rows:
-            env, control[row, step] = envs[row], actions[row]
+            env = envs[row]
             found, reward[row, step], terminated, truncated, _ = env.step(actions[row])
             sensed[row] = environments.flat(found)
             if model:
                 state[row, : model.nq], state[row, model.nq :] = env.unwrapped.data.qpos, env.unwrapped.data.qvel
-            valid = finite[row] and np.isfinite(sensed[row]).all() and not environments.diverged(env)
-            if not valid:
-                sensed[row], state[row], reward[row, step] = np.nan, np.nan, np.nan
-            if terminated or truncated or not valid:
-                going[row], length[row] = False, step + 1
+            going[row], diverged[row] = not (terminated or truncated), environments.diverged(env)
 
     with _side_by_side(threads) as side_by_side:
         for step in range(steps):
@@ -221,7 +218,12 @@ def stepped(
                 raise ValueError(f"the controller must return shape {(n, environments.actuators)}, got {controls.shape}")
             finite = np.asarray(np.isfinite(controls).all(axis=1))
             actions = environments.actions(np.where(finite[:, None], controls, 0))
-            side_by_side(partial(step_of, step, actions, finite), np.flatnonzero(going))
+            rows = np.flatnonzero(going)
+            side_by_side(partial(step_of, step, actions), rows)
+            control[rows, step] = actions[rows]
+            invalid = rows[~finite[rows] | diverged[rows] | ~np.isfinite(sensed[rows]).all(axis=1)]
+            sensed[invalid], state[invalid], reward[invalid, step], going[invalid] = np.nan, np.nan, np.nan, False
+            length[rows[~going[rows]]] = step + 1
             observation[:, step], states[:, step] = sensed, state
             if not going.any():
                 observation[:, step:], states[:, step:] = sensed[:, None], state[:, None]
