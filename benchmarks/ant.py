@@ -48,14 +48,14 @@ class Comparison(NamedTuple):
         task: its evaluations; the ground truth is where it ends, (n, 2), the hand-coded descriptor.
         n_genes: of its controller.
         learned: the descriptor of AURORA.
-        schedule: of its updates.
+        options: of both that have an archive.
         measures: by name.
     """
 
     task: Callable[[np.ndarray], auroraqd.tasks.Evaluation]
     n_genes: int
     learned: Any
-    schedule: Any
+    options: dict[str, Any]
     measures: dict[str, Measure]
 
 
@@ -72,7 +72,8 @@ def ant() -> Comparison:
     """Ant, five seconds, where its torso is at twenty moments."""
     task = auroraqd.tasks.Gym("Ant-v5", steps=100, samples=20, threads=1)
     area = Measure("Area covered by final positions, m²", lambda found: area_of(found.ground_truth, side=0.5))
-    return Comparison(task, task.n_genes, PCA(n_components=2), auroraqd.Doubling(10), {"area": area})
+    options = {"resolution": auroraqd.VAT(cells=4_000), "schedule": auroraqd.Doubling(10)}
+    return Comparison(task, task.n_genes, PCA(n_components=2), options, {"area": area})
 
 
 def area_of(places: np.ndarray, side: float) -> float:
@@ -110,8 +111,7 @@ def one_run(robot: Comparison, variant: str, seed: int, generations: int, folder
             robot.learned if variant == AURORA else "hand-coded",
             seed=seed,
             batch_size=BATCH,
-            resolution=auroraqd.VAT(cells=4_000),
-            schedule=robot.schedule,
+            **robot.options,
         )
 
         def after_each(aurora):
