@@ -33,21 +33,24 @@ def ways(env_id, options):
 
 def microseconds(task, repeats=5):
     """Of a step of control: the median of some batches."""
-    return float(np.median(timed({"": task}, repeats)[""]))
+    return medians({"": task}, repeats)[""][0]
 
 
-def timed(simulated, repeats):
-    """Of steps of control, in microseconds, by the way they are simulated; all ways in turn, for other programs come and go."""
+def medians(simulated, repeats):
+    """Of steps of control, in microseconds, of the clock and of all cores, by the way they are simulated.
+
+    All ways take turns, for other programs come and go.
+    """
     rng, times = np.random.default_rng(0), {name: [] for name in simulated}
     for task in simulated.values():
         task(rng.random((BATCH, task.n_genes)))
     for _ in range(repeats):
         for name, task in simulated.items():
             genotypes = rng.random((BATCH, task.n_genes))
-            since = time.perf_counter()
+            since, used = time.perf_counter(), time.process_time()
             task(genotypes)
-            times[name].append(1e6 * (time.perf_counter() - since) / (BATCH * STEPS))
-    return times
+            times[name].append((time.perf_counter() - since, time.process_time() - used))
+    return {name: np.median(both, axis=0) * 1e6 / (BATCH * STEPS) for name, both in times.items()}
 
 
 def share_of_physics(task):
@@ -72,16 +75,14 @@ def share_of_physics(task):
 
 
 def main(repeats):
-    print(f"### A step of robots, batches of {BATCH}, episodes of {STEPS} steps, microseconds (of {repeats} batches)\n")
-    print("| environment | simulated by | a step of control, median | least | a step of physics, median |")
-    print("|---|---|---|---|---|")
+    print(f"### A step of robots, batches of {BATCH}, episodes of {STEPS} steps, microseconds (medians of {repeats})\n")
+    print("| environment | simulated by | a step of control | of all cores | a step of physics |\n|---|---|---|---|---|")
     robots = {env_id: ways(env_id, options) for env_id, options in ROBOTS.items()}
     robots["hexapod"] = {"rollout, one thread": tasks.Hexapod(seconds=0.015 * STEPS, threads=1)}
     for robot, simulated in robots.items():
-        for name, took in timed(simulated, repeats).items():
-            task, middle = simulated[name], float(np.median(took))
-            physics = task.interval / task.model.opt.timestep
-            print(f"| {robot} | {name} | {middle:.0f} | {min(took):.0f} | {middle / physics:.1f} |", flush=True)
+        for name, (took, used) in medians(simulated, repeats).items():
+            physics = simulated[name].interval / simulated[name].model.opt.timestep
+            print(f"| {robot} | {name} | {took:.0f} | {used:.0f} | {took / physics:.1f} |", flush=True)
     print("\n| environment, MLP of 16 neurons, one thread | MuJoCo's steps, of the time |\n|---|---|")
     for env_id in ROBOTS:
         print(f"| {env_id} | {share_of_physics(robots[env_id]['stepped, MLP of 16 neurons, one thread']):.0%} |", flush=True)

@@ -441,7 +441,9 @@ def test_a_simulation_that_diverges_is_invalid_and_writes_no_file(fitness, threa
 
 
 @pytest.mark.parametrize("fitness", [None, "return"])
-def test_a_controller_that_returns_a_nan_is_invalid(fitness):
+def test_a_controller_that_returns_a_nan_is_invalid(fitness, monkeypatch, caplog):
+    monkeypatch.setattr("auroraqd.tasks._environments._said", set())
+
     class Broken(tasks.Splines):
         def __call__(self, genotypes, actuators, time):
             controls = super().__call__(genotypes, actuators, time)
@@ -449,8 +451,34 @@ def test_a_controller_that_returns_a_nan_is_invalid(fitness):
             return controls
 
     task = tasks.Gym("Swimmer-v5", controller=Broken(), steps=10, samples=10, fitness=fitness)
-    evaluation = task(genotypes_of(task))
+    with caplog.at_level(logging.WARNING, "auroraqd"):
+        evaluation = task(genotypes_of(task))
     assert np.isnan(evaluation.observation).all(axis=2).sum(axis=1).tolist() == [0, 3, 0]
+    said = [record.getMessage() for record in caplog.records]
+    assert said == [
+        "the controller of Swimmer-v5 returned NaN or infinity: individuals for which it does are invalid (said once)"
+    ]
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_policy_that_returns_a_nan_is_invalid(threads):
+    class Broken(tasks.MLP):
+        def policy(self, genotypes, observations, actuators):
+            act, steps = super().policy(genotypes, observations, actuators), iter(range(10))
+
+            def until_the_seventh(sensed):
+                broken = (np.arange(len(sensed)) == 1) & (next(steps) >= 7)
+                return np.where(broken[:, None], np.nan, act(sensed))
+
+            return until_the_seventh
+
+    task = tasks.Gym("Swimmer-v5", controller=Broken(), steps=10, samples=10, fitness="return", threads=threads)
+    genotypes = genotypes_of(task)
+    fitness, observation, _ = task(genotypes)
+    assert np.isnan(observation).all(axis=2).sum(axis=1).tolist() == [0, 3, 0]
+    assert np.isnan(fitness).tolist() == [False, True, False]
+    whole = tasks.Gym("Swimmer-v5", controller=tasks.MLP(), steps=10, samples=10)(genotypes)
+    assert_array_equal(observation[[0, 2]], whole.observation[[0, 2]])
 
 
 LIBRARY = (find_library("EGL") and (find_library("OpenGL") or find_library("GL"))) or find_library("OSMesa")

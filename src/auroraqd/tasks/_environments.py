@@ -130,6 +130,14 @@ class Environments:
         controls = np.clip(controls, -1, 1).reshape(controls.shape[:-1] + low.shape)
         return (low + (controls + 1) / 2 * (high - low)).astype(self._space.dtype)
 
+    def finite(self, controls: np.ndarray) -> np.ndarray:
+        """Where all controls of a step are finite, (...), of (..., actuators). If some are not, that is said once."""
+        finite = np.asarray(np.isfinite(controls).all(axis=-1))
+        if not finite.all():
+            of = f"the controller of {self._recipe[0]}"
+            _say_once(logging.WARNING, f"{of} returned NaN or infinity: individuals for which it does are invalid")
+        return finite
+
     def diverged(self, env: Any) -> bool:
         """Whether the simulation has, since the episode began. MuJoCo then begins anew, and counts it."""
         if self.model is None:
@@ -196,8 +204,12 @@ def keep_from_writing(mujoco: Any) -> None:
 
 
 def _heard(warning: str) -> None:
-    kind = re.sub(r"\d", "", warning)  # the joint, and the time
+    level = logging.DEBUG if "deprecated" in warning else logging.WARNING  # of Gymnasium's own models
+    _say_once(level, f"MuJoCo: {warning}")
+
+
+def _say_once(level: int, message: str) -> None:
+    kind = re.sub(r"\d", "", message)  # the joint, and the time
     if kind not in _said:
         _said.add(kind)
-        level = logging.DEBUG if "deprecated" in warning else logging.WARNING  # of Gymnasium's own models
-        _log.log(level, "MuJoCo: %s (said once)", warning)
+        _log.log(level, "%s (said once)", message)

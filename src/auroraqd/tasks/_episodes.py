@@ -139,7 +139,7 @@ class Rollout:
 
     def __call__(self, controls: np.ndarray, seeds: Seeds) -> Episode:
         """The episodes of controls in [-1, 1], (n, steps, actuators)."""
-        finite = np.asarray(np.isfinite(controls).all(axis=2))
+        finite = self._environments.finite(controls)
         control = self._environments.actions(np.where(finite[..., None], controls, 0)).astype(np.float64)
         return self._simulator(control, finite, *self._starts(seeds))
 
@@ -216,7 +216,7 @@ def stepped(
             controls = numbers("controls", controller(step, sensed.copy()))
             if controls.shape != (n, environments.actuators):
                 raise ValueError(f"the controller must return shape {(n, environments.actuators)}, got {controls.shape}")
-            finite = np.asarray(np.isfinite(controls).all(axis=1))
+            finite = environments.finite(controls)
             actions = environments.actions(np.where(finite[:, None], controls, 0))
             rows = np.flatnonzero(going)
             side_by_side(partial(step_of, step, actions), rows)
