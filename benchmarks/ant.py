@@ -197,17 +197,21 @@ def compare(robot: Comparison, table: Path, seeds: int, generations: int) -> Non
     save_figure(figure_of(points, ends, robot.measures), table.parent, table.parent.name)
 
 
-def options_of(description: str, generations: int, out: str) -> argparse.Namespace:
+def options_of(description: str, seeds: int, generations: int, out: str) -> argparse.Namespace:
     """Of the command line."""
     parser = argparse.ArgumentParser(description=description.partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=seeds)
     parser.add_argument("--generations", type=int, default=generations, help=f"of {BATCH} evaluations")
     parser.add_argument("--out", type=Path, default=Path(out))
-    return parser.parse_args()
+    parser.add_argument("--quick", action="store_true", help="one seed, four generations, into OUT/quick: to see it work")
+    options = parser.parse_args()
+    if options.quick:
+        options.seeds, options.generations, options.out = 1, 4, options.out / "quick"
+    return options
 
 
 def main() -> None:
-    options = options_of(str(__doc__), 100, "results/ant")
+    options = options_of(str(__doc__), 5, 100, "results/ant")
     compare(ant(), options.out / "areas.csv", options.seeds, options.generations)
 
 
