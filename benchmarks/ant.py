@@ -142,24 +142,33 @@ def write(path: Path, points: list[Point]) -> None:
 def figure_of(points: list[Point], ends: dict[str, np.ndarray], measures: dict[str, Measure]) -> Figure:
     """Each measure over evaluations, medians and ranges; then where the individuals of the first seed end."""
     reach = max(np.abs(places).max() for places in ends.values())
+    apart = len(measures) > 1  # in a row of their own
+    columns = len(ends) if apart else len(measures) + len(ends)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.0 * (len(measures) + len(ends)), 4.0), layout="constrained")
-        panels = figure.subplots(1, len(measures) + len(ends))
-        for axes, (name, measure) in zip(panels, measures.items(), strict=False):
-            for variant in ends:
-                curves = curves_of(points, variant, name)
-                evaluations = sorted({p.evaluations for p in points if p.variant == variant})
-                axes.fill_between(
-                    evaluations, curves.min(axis=0), curves.max(axis=0), color=COLORS[variant], alpha=0.2, linewidth=0
-                )
-                axes.plot(evaluations, np.median(curves, axis=0), color=COLORS[variant], label=variant)
+        figure = Figure(figsize=(4.0 * columns, 8.0 if apart else 4.0), layout="constrained")
+        panels = list(figure.subplots(1 + apart, columns).flat)
+        for name, measure in measures.items():
+            axes = panels.pop(0)
+            draw_curves(axes, points, list(ends), name)
             axes.set(xlabel="evaluations", title=measure.title, xlim=(0, None), ylim=(0, None))
-        panels[0].legend(frameon=False)
-        for axes, (variant, places) in zip(panels[len(measures) :], ends.items(), strict=True):
+        axes.legend(frameon=False)
+        while len(panels) > len(ends):
+            panels.pop(0).set_axis_off()
+        for axes, (variant, places) in zip(panels, ends.items(), strict=True):
             scatter(axes, places, two_dimensional_colors(places))
             axes.set(title=f"{variant}: {len(places):,} end here", xlabel="x, m", ylabel="y, m", aspect="equal")
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
     return figure
+
+
+def draw_curves(axes: Any, points: list[Point], variants: list[str], measure: str) -> None:
+    """Medians of a measure, and ranges."""
+    for variant in variants:
+        curves = curves_of(points, variant, measure)
+        evaluations = sorted({p.evaluations for p in points if p.variant == variant})
+        color = COLORS[variant]
+        axes.fill_between(evaluations, curves.min(axis=0), curves.max(axis=0), color=color, alpha=0.2, linewidth=0)
+        axes.plot(evaluations, np.median(curves, axis=0), color=color, label=variant)
 
 
 def curves_of(points: list[Point], variant: str, measure: str) -> np.ndarray:
