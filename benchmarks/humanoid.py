@@ -1,7 +1,7 @@
 """How many ways Humanoid learns to move: AURORA, a hand-coded descriptor, and random controllers, on the same budget.
 
     pip install ".[robots]"
-    python benchmarks/humanoid.py --out results/humanoid     # three seeds of 3,000 evaluations: half an hour of one busy core
+    python benchmarks/humanoid.py     # three seeds of 3,000 evaluations: half an hour of one busy core
     python benchmarks/humanoid.py --quick
 
 Humanoid-v5 of Gymnasium, 17 joints, moved for a second and a half by sinusoids of 52 genes. AURORA senses how it holds itself,
