@@ -210,6 +210,22 @@ def test_environments_of_ones_own_get_threads_when_asked(threads, most):
     assert (threading.get_ident() in Who.who) == (most == 1)
 
 
+def test_who_gets_threads_by_default(monkeypatch):
+    """Gymnasium's own of MuJoCo, unless others wrap them."""
+
+    class Wrapped(gymnasium.Wrapper):
+        pass
+
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setattr("auroraqd.tasks._episodes.cores", lambda: [0, 1, 2])
+    gymnasium.register("Wrapped-v0", entry_point=lambda **options: Wrapped(swimmer.SwimmerEnv(**options)))
+    try:
+        found = {name: tasks.Gym(name, steps=20)._threads for name in ("Swimmer-v5", "CartPole-v1", "Wrapped-v0")}
+    finally:
+        del gymnasium.registry["Wrapped-v0"]
+    assert found == {"Swimmer-v5": 3, "CartPole-v1": 1, "Wrapped-v0": 1}
+
+
 @pytest.mark.parametrize("threads", [1, 3])
 def test_a_step_that_raises_is_heard_of(threads):
     class Raises(swimmer.SwimmerEnv):
@@ -436,6 +452,7 @@ def test_a_simulation_that_diverges_is_invalid_and_writes_no_file(fitness, threa
     assert list(tmp_path.iterdir()) == []
     said = [record.getMessage() for record in caplog.records if "unstable" in record.getMessage()]
     assert 1 <= len(said) <= 3  # of position, velocity or acceleration
+    assert not any("controller" in record.getMessage() for record in caplog.records)
     if fitness == "return":
         assert_array_equal(np.isnan(evaluation.fitness), invalid)
 
@@ -458,6 +475,16 @@ def test_a_controller_that_returns_a_nan_is_invalid(fitness, monkeypatch, caplog
     assert said == [
         "the controller of Swimmer-v5 returned NaN or infinity: individuals for which it does are invalid (said once)"
     ]
+
+
+def test_a_policy_that_senses_what_is_left_of_an_explosion_is_not_blamed(monkeypatch, caplog):
+    monkeypatch.setattr("auroraqd.tasks._environments._said", set())
+    task = tasks.Gym("Swimmer-v5", controller=tasks.MLP(), steps=10, samples=5, modify=fling)
+    genotypes = np.full((2, task.n_genes), 0.5)  # no force
+    genotypes[1] = 1
+    with caplog.at_level(logging.WARNING, "auroraqd"):
+        assert np.isnan(task(genotypes).fitness).tolist() == [False, True]
+    assert not any("controller" in record.getMessage() for record in caplog.records)
 
 
 @pytest.mark.parametrize("threads", [1, 3])

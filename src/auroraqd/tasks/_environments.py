@@ -98,6 +98,14 @@ class Environments:
             start = stop
         return parts
 
+    @property
+    def gymnasiums_own(self) -> bool:
+        """Whether they, and all that wraps them, are of Gymnasium."""
+        layers = [self.first]
+        while layers[-1] is not layers[-1].unwrapped:
+            layers.append(layers[-1].env)
+        return all(type(layer).__module__.startswith("gymnasium.") for layer in layers)
+
     def begin(self, env: Any, seed: int | None) -> np.ndarray:
         """Begin an episode, with the environment's own noise of this seed or, if None, without; return the observation."""
         sensed, _ = env.reset(seed=0 if seed is None else seed % _SEEDS)

@@ -67,11 +67,9 @@ def threads() -> int:
 
 def threads_that_step(environments: Environments, asked: int | None) -> int:
     """Of environments: as many as are asked for. If none are, one, but for Gymnasium's own of MuJoCo, which share nothing."""
-    inner = environments.first.unwrapped
-    if environments.model is None or inner.render_mode == "human":  # Python alone gains nothing; a window is of one thread
-        return 1
-    gymnasiums = type(inner).__module__.startswith("gymnasium.envs.mujoco.")
-    return asked or (threads() if gymnasiums else 1)
+    if environments.model is None or environments.first.unwrapped.render_mode == "human":
+        return 1  # Python alone gains nothing; a window is of one thread
+    return asked or (threads() if environments.gymnasiums_own else 1)
 
 
 class Simulator:
@@ -200,7 +198,7 @@ def stepped(
     observation, states = np.empty((n, steps, sensed.shape[1])), np.empty((n, steps, state.shape[1]))
     control = np.zeros_like(environments.actions(np.zeros((n, steps, environments.actuators))))
     reward, length = np.zeros((n, steps)), np.full(n, steps)
-    going, diverged = np.ones(n, bool), np.zeros(n, bool)
+    going, finite, diverged = np.ones(n, bool), np.ones(n, bool), np.zeros(n, bool)
 
     def step_of(step: int, actions: np.ndarray, rows: np.ndarray) -> None:
         for row in rows:
@@ -216,9 +214,9 @@ def stepped(
             controls = numbers("controls", controller(step, sensed.copy()))
             if controls.shape != (n, environments.actuators):
                 raise ValueError(f"the controller must return shape {(n, environments.actuators)}, got {controls.shape}")
-            finite = environments.finite(controls)
+            rows = np.flatnonzero(going)  # of others the controller may return a NaN, for what they sense may be one
+            finite[rows] = environments.finite(controls[rows])
             actions = environments.actions(np.where(finite[:, None], controls, 0))
-            rows = np.flatnonzero(going)
             side_by_side(partial(step_of, step, actions), rows)
             control[rows, step] = actions[rows]
             invalid = rows[~finite[rows] | diverged[rows] | ~np.isfinite(sensed[rows]).all(axis=1)]
