@@ -2,6 +2,8 @@ import gc
 import logging
 import pickle
 import sys
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from ctypes.util import find_library
 from functools import partial
@@ -165,6 +167,95 @@ def test_noise_is_that_of_the_environment(env_id, controller):
             sensed, *_ = env.step(action)
         place = env.data.qpos[:2] if task.model is not None else sensed
         assert_allclose(evaluation.ground_truth[row], place, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options"), [("Ant-v5", {"healthy_z_range": (0.45, 1.0)}), ("Humanoid-v5", {}), ("HalfCheetah-v5", {})]
+)
+def test_threads_that_step_environments_find_the_same(env_id, options):
+    """Bit for bit; some robots fall before the others."""
+    settings = {"env_id": env_id, "controller": tasks.MLP(hidden=(4,), weight=3), "steps": 30, "options": options}
+    one, many = (tasks.Gym(**settings, noisy=True, threads=threads) for threads in (1, 3))
+    genotypes, seeds = genotypes_of(one, 7), np.arange(7)
+    expected, found = one.episode(genotypes, seeds), many.episode(genotypes, seeds)
+    for name, wanted in expected._asdict().items():
+        if wanted is not None:
+            assert_array_equal(getattr(found, name), wanted, err_msg=name)
+    assert found.reward is not None
+    if options:
+        assert 1 < len(np.unique(expected.length)) < 7
+
+
+class Who(swimmer.SwimmerEnv):
+    """Notes which threads step."""
+
+    who = set()
+
+    def step(self, action):
+        Who.who.add(threading.get_ident())
+        time.sleep(0.001)  # long enough for others to begin
+        return super().step(action)
+
+
+@pytest.mark.parametrize(("threads", "most"), [(None, 1), (1, 1), (3, 3)])
+def test_environments_of_ones_own_get_threads_when_asked(threads, most):
+    gymnasium.register("Who-v0", entry_point=Who)
+    try:
+        task = tasks.Gym("Who-v0", controller=tasks.MLP(), steps=20, threads=threads)
+        Who.who.clear()
+        task(genotypes_of(task, 6))
+    finally:
+        del gymnasium.registry["Who-v0"]
+    assert len(Who.who) == most
+    assert (threading.get_ident() in Who.who) == (most == 1)
+
+
+def test_who_gets_threads_by_default(monkeypatch):
+    """Gymnasium's own of MuJoCo, unless others wrap them."""
+
+    class Wrapped(gymnasium.Wrapper):
+        pass
+
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setattr("auroraqd.tasks._episodes.cores", lambda: [0, 1, 2])
+    gymnasium.register("Wrapped-v0", entry_point=lambda **options: Wrapped(swimmer.SwimmerEnv(**options)))
+    try:
+        found = {name: tasks.Gym(name, steps=20)._threads for name in ("Swimmer-v5", "CartPole-v1", "Wrapped-v0")}
+    finally:
+        del gymnasium.registry["Wrapped-v0"]
+    assert found == {"Swimmer-v5": 3, "CartPole-v1": 1, "Wrapped-v0": 1}
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_step_that_raises_is_heard_of(threads):
+    class Raises(swimmer.SwimmerEnv):
+        def step(self, action):
+            raise OSError("no motors")
+
+    gymnasium.register("Raises-v0", entry_point=Raises)
+    try:
+        task = tasks.Gym("Raises-v0", controller=tasks.MLP(), steps=20, threads=threads)
+        with pytest.raises(OSError, match="no motors"):
+            task(genotypes_of(task, 6))
+    finally:
+        del gymnasium.registry["Raises-v0"]
+
+
+def test_an_observation_of_another_size_is_said():
+    class Longer(swimmer.SwimmerEnv):
+        def step(self, action):
+            sensed, *others = super().step(action)
+            return np.append(sensed, 0.0), *others
+
+    gymnasium.register("Longer-v0", entry_point=Longer)
+    try:
+        task = tasks.Gym("Longer-v0", controller=tasks.MLP(), steps=20)
+        with pytest.raises(
+            ValueError, match=r"observations of Longer-v0 must be 8 numbers, as its observation_space .*, got 9"
+        ):
+            task(genotypes_of(task))
+    finally:
+        del gymnasium.registry["Longer-v0"]
 
 
 def test_without_noise_there_are_no_seeds():
@@ -346,11 +437,12 @@ def fling(model):
     model.actuator_gear[:] = 1e14
 
 
-@pytest.mark.parametrize("fitness", [None, "return"])
-def test_a_simulation_that_diverges_is_invalid_and_writes_no_file(fitness, tmp_path, monkeypatch, caplog):
+@pytest.mark.parametrize(("fitness", "threads"), [(None, None), ("return", 1), ("return", 3)])
+def test_a_simulation_that_diverges_is_invalid_and_writes_no_file(fitness, threads, tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("auroraqd.tasks._environments._said", set())
-    task = tasks.Gym("Swimmer-v5", controller=tasks.Splines(2), steps=10, samples=5, fitness=fitness, modify=fling)
+    settings = {"steps": 10, "samples": 5, "fitness": fitness, "modify": fling, "threads": threads}
+    task = tasks.Gym("Swimmer-v5", controller=tasks.Splines(2), **settings)
     genotypes = np.full((40, 4), 0.5)  # no force
     genotypes[1::2] = 1
     with caplog.at_level(logging.WARNING, "auroraqd"):
@@ -360,12 +452,15 @@ def test_a_simulation_that_diverges_is_invalid_and_writes_no_file(fitness, tmp_p
     assert list(tmp_path.iterdir()) == []
     said = [record.getMessage() for record in caplog.records if "unstable" in record.getMessage()]
     assert 1 <= len(said) <= 3  # of position, velocity or acceleration
+    assert not any("controller" in record.getMessage() for record in caplog.records)
     if fitness == "return":
         assert_array_equal(np.isnan(evaluation.fitness), invalid)
 
 
 @pytest.mark.parametrize("fitness", [None, "return"])
-def test_a_controller_that_returns_a_nan_is_invalid(fitness):
+def test_a_controller_that_returns_a_nan_is_invalid(fitness, monkeypatch, caplog):
+    monkeypatch.setattr("auroraqd.tasks._environments._said", set())
+
     class Broken(tasks.Splines):
         def __call__(self, genotypes, actuators, time):
             controls = super().__call__(genotypes, actuators, time)
@@ -373,8 +468,44 @@ def test_a_controller_that_returns_a_nan_is_invalid(fitness):
             return controls
 
     task = tasks.Gym("Swimmer-v5", controller=Broken(), steps=10, samples=10, fitness=fitness)
-    evaluation = task(genotypes_of(task))
+    with caplog.at_level(logging.WARNING, "auroraqd"):
+        evaluation = task(genotypes_of(task))
     assert np.isnan(evaluation.observation).all(axis=2).sum(axis=1).tolist() == [0, 3, 0]
+    said = [record.getMessage() for record in caplog.records]
+    assert said == [
+        "the controller of Swimmer-v5 returned NaN or infinity: individuals for which it does are invalid (said once)"
+    ]
+
+
+def test_a_policy_that_senses_what_is_left_of_an_explosion_is_not_blamed(monkeypatch, caplog):
+    monkeypatch.setattr("auroraqd.tasks._environments._said", set())
+    task = tasks.Gym("Swimmer-v5", controller=tasks.MLP(), steps=10, samples=5, modify=fling)
+    genotypes = np.full((2, task.n_genes), 0.5)  # no force
+    genotypes[1] = 1
+    with caplog.at_level(logging.WARNING, "auroraqd"):
+        assert np.isnan(task(genotypes).fitness).tolist() == [False, True]
+    assert not any("controller" in record.getMessage() for record in caplog.records)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_policy_that_returns_a_nan_is_invalid(threads):
+    class Broken(tasks.MLP):
+        def policy(self, genotypes, observations, actuators):
+            act, steps = super().policy(genotypes, observations, actuators), iter(range(10))
+
+            def until_the_seventh(sensed):
+                broken = (np.arange(len(sensed)) == 1) & (next(steps) >= 7)
+                return np.where(broken[:, None], np.nan, act(sensed))
+
+            return until_the_seventh
+
+    task = tasks.Gym("Swimmer-v5", controller=Broken(), steps=10, samples=10, fitness="return", threads=threads)
+    genotypes = genotypes_of(task)
+    fitness, observation, _ = task(genotypes)
+    assert np.isnan(observation).all(axis=2).sum(axis=1).tolist() == [0, 3, 0]
+    assert np.isnan(fitness).tolist() == [False, True, False]
+    whole = tasks.Gym("Swimmer-v5", controller=tasks.MLP(), steps=10, samples=10)(genotypes)
+    assert_array_equal(observation[[0, 2]], whole.observation[[0, 2]])
 
 
 LIBRARY = (find_library("EGL") and (find_library("OpenGL") or find_library("GL"))) or find_library("OSMesa")

@@ -5,6 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from functools import cached_property
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -71,7 +72,7 @@ class Environments:
             self._made.append(self._make())
         return self._made[:n]
 
-    @property
+    @cached_property
     def observations(self) -> int:
         """Numbers that a robot senses.
 
@@ -97,6 +98,14 @@ class Environments:
             start = stop
         return parts
 
+    @property
+    def gymnasiums_own(self) -> bool:
+        """Whether they, and all that wraps them, are of Gymnasium."""
+        layers = [self.first]
+        while layers[-1] is not layers[-1].unwrapped:
+            layers.append(layers[-1].env)
+        return all(type(layer).__module__.startswith("gymnasium.") for layer in layers)
+
     def begin(self, env: Any, seed: int | None) -> np.ndarray:
         """Begin an episode, with the environment's own noise of this seed or, if None, without; return the observation."""
         sensed, _ = env.reset(seed=0 if seed is None else seed % _SEEDS)
@@ -108,8 +117,18 @@ class Environments:
         return self.flat(sensed)
 
     def flat(self, sensed: Any) -> np.ndarray:
-        """An observation of the environment as (observations,)."""
-        return self._gymnasium.spaces.flatten(self.first.observation_space, sensed)
+        """An observation of the environment as (observations,).
+
+        Raises:
+            ValueError: it is of another size than its space.
+        """
+        flat = self._gymnasium.spaces.flatten(self.first.observation_space, sensed)
+        if flat.shape != (self.observations,):
+            raise ValueError(
+                f"observations of {self._recipe[0]} must be {self.observations} numbers, as its observation_space says, "
+                f"got {flat.size}"
+            )
+        return flat
 
     def actions(self, controls: np.ndarray) -> np.ndarray:
         """Controls in [-1, 1], (..., actuators), as actions of the environment, (..., *its shape), of its dtype."""
@@ -118,6 +137,14 @@ class Environments:
         low, high = self._space.low, self._space.high
         controls = np.clip(controls, -1, 1).reshape(controls.shape[:-1] + low.shape)
         return (low + (controls + 1) / 2 * (high - low)).astype(self._space.dtype)
+
+    def finite(self, controls: np.ndarray) -> np.ndarray:
+        """Where all controls of a step are finite, (...), of (..., actuators). If some are not, that is said once."""
+        finite = np.asarray(np.isfinite(controls).all(axis=-1))
+        if not finite.all():
+            of = f"the controller of {self._recipe[0]}"
+            _say_once(logging.WARNING, f"{of} returned NaN or infinity: individuals for which it does are invalid")
+        return finite
 
     def diverged(self, env: Any) -> bool:
         """Whether the simulation has, since the episode began. MuJoCo then begins anew, and counts it."""
@@ -185,8 +212,12 @@ def keep_from_writing(mujoco: Any) -> None:
 
 
 def _heard(warning: str) -> None:
-    kind = re.sub(r"\d", "", warning)  # the joint, and the time
+    level = logging.DEBUG if "deprecated" in warning else logging.WARNING  # of Gymnasium's own models
+    _say_once(level, f"MuJoCo: {warning}")
+
+
+def _say_once(level: int, message: str) -> None:
+    kind = re.sub(r"\d", "", message)  # the joint, and the time
     if kind not in _said:
         _said.add(kind)
-        level = logging.DEBUG if "deprecated" in warning else logging.WARNING  # of Gymnasium's own models
-        _log.log(level, "MuJoCo: %s (said once)", warning)
+        _log.log(level, "%s (said once)", message)

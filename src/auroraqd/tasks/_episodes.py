@@ -1,10 +1,14 @@
 """Episodes of robots, simulated in two ways with one outcome: MuJoCo's rollout, or the environments' own steps.
 
-The rollout is multi-threaded, but knows neither the environment's reward and observation nor when it terminates.
+The rollout is multi-threaded, but knows neither the environment's reward and observation nor when it terminates. The steps of
+environments are Python, which threads take in turn, around MuJoCo's physics, which run in all threads at once.
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -56,9 +60,16 @@ def joined(episodes: Sequence[Episode]) -> Episode:
 
 
 def threads() -> int:
-    """Of a rollout, if none are asked for: one for each core, or OMP_NUM_THREADS, which is 1 in workers, if that is less."""
+    """That simulate, if none are asked for: one for each core, or OMP_NUM_THREADS, which is 1 in workers, if that is less."""
     limit = os.environ.get("OMP_NUM_THREADS", "")
     return min(len(cores()), max(int(limit), 1)) if limit.isdigit() else len(cores())
+
+
+def threads_that_step(environments: Environments, asked: int | None) -> int:
+    """Of environments: as many as are asked for. If none are, one, but for Gymnasium's own of MuJoCo, which share nothing."""
+    if environments.model is None or environments.first.unwrapped.render_mode == "human":
+        return 1  # Python alone gains nothing; a window is of one thread
+    return asked or (threads() if environments.gymnasiums_own else 1)
 
 
 class Simulator:
@@ -126,7 +137,7 @@ class Rollout:
 
     def __call__(self, controls: np.ndarray, seeds: Seeds) -> Episode:
         """The episodes of controls in [-1, 1], (n, steps, actuators)."""
-        finite = np.asarray(np.isfinite(controls).all(axis=2))
+        finite = self._environments.finite(controls)
         control = self._environments.actions(np.where(finite[..., None], controls, 0)).astype(np.float64)
         return self._simulator(control, finite, *self._starts(seeds))
 
@@ -158,21 +169,27 @@ class Rollout:
 
 
 def stepped(
-    environments: Environments, controller: Callable[[int, np.ndarray], np.ndarray], steps: int, seeds: Seeds
+    environments: Environments,
+    controller: Callable[[int, np.ndarray], np.ndarray],
+    steps: int,
+    seeds: Seeds,
+    threads: int = 1,
 ) -> Episode:
     """The episodes of environments that are stepped side by side, so that a controller is asked once for all at each step.
 
     A plain loop over environments that have not ended, and not a vector environment of Gymnasium, which has a fixed number and
-    goes on with those that have ended.
+    goes on with those that have ended. Each environment does its own step, so that threads change nothing but the time it
+    takes: MuJoCo's physics run beside each other, and what an environment computes in Python, in turn.
 
     Args:
         environments: to take them from.
         controller: from the step, and what n robots sense, (n, observations), to controls in [-1, 1], (n, actuators).
         steps: of an episode that does not terminate.
         seeds: n.
+        threads: that step; more than one only where environments share nothing.
 
     Raises:
-        ValueError: the controller returned another shape.
+        ValueError: the controller returned another shape, or an environment an observation of another.
     """
     n, envs, model = len(seeds), environments(len(seeds)), environments.model
     sensed, state = np.empty((n, environments.observations)), np.empty((n, model.nq + model.nv if model else 0))
@@ -180,27 +197,49 @@ def stepped(
         sensed[row] = environments.begin(env, seeds[row])
     observation, states = np.empty((n, steps, sensed.shape[1])), np.empty((n, steps, state.shape[1]))
     control = np.zeros_like(environments.actions(np.zeros((n, steps, environments.actuators))))
-    reward, length, going = np.zeros((n, steps)), np.full(n, steps), np.ones(n, bool)
-    for step in range(steps):
-        controls = numbers("controls", controller(step, sensed.copy()))
-        if controls.shape != (n, environments.actuators):
-            raise ValueError(f"the controller must return shape {(n, environments.actuators)}, got {controls.shape}")
-        finite = np.asarray(np.isfinite(controls).all(axis=1))
-        actions = environments.actions(np.where(finite[:, None], controls, 0))
-        for row in np.flatnonzero(going):
-            env, control[row, step] = envs[row], actions[row]
+    reward, length = np.zeros((n, steps)), np.full(n, steps)
+    going, finite, diverged = np.ones(n, bool), np.ones(n, bool), np.zeros(n, bool)
+
+    def step_of(step: int, actions: np.ndarray, rows: np.ndarray) -> None:
+        for row in rows:
+            env = envs[row]
             found, reward[row, step], terminated, truncated, _ = env.step(actions[row])
             sensed[row] = environments.flat(found)
             if model:
                 state[row, : model.nq], state[row, model.nq :] = env.unwrapped.data.qpos, env.unwrapped.data.qvel
-            valid = finite[row] and np.isfinite(sensed[row]).all() and not environments.diverged(env)
-            if not valid:
-                sensed[row], state[row], reward[row, step] = np.nan, np.nan, np.nan
-            if terminated or truncated or not valid:
-                going[row], length[row] = False, step + 1
-        observation[:, step], states[:, step] = sensed, state
-        if not going.any():
-            observation[:, step:], states[:, step:] = sensed[:, None], state[:, None]
-            break
+            going[row], diverged[row] = not (terminated or truncated), environments.diverged(env)
+
+    with _side_by_side(threads) as side_by_side:
+        for step in range(steps):
+            controls = numbers("controls", controller(step, sensed.copy()))
+            if controls.shape != (n, environments.actuators):
+                raise ValueError(f"the controller must return shape {(n, environments.actuators)}, got {controls.shape}")
+            rows = np.flatnonzero(going)  # of others the controller may return a NaN, for what they sense may be one
+            finite[rows] = environments.finite(controls[rows])
+            actions = environments.actions(np.where(finite[:, None], controls, 0))
+            side_by_side(partial(step_of, step, actions), rows)
+            control[rows, step] = actions[rows]
+            invalid = rows[~finite[rows] | diverged[rows] | ~np.isfinite(sensed[rows]).all(axis=1)]
+            sensed[invalid], state[invalid], reward[invalid, step], going[invalid] = np.nan, np.nan, np.nan, False
+            length[rows[~going[rows]]] = step + 1
+            observation[:, step], states[:, step] = sensed, state
+            if not going.any():
+                observation[:, step:], states[:, step:] = sensed[:, None], state[:, None]
+                break
     qpos, qvel = (states[..., : model.nq], states[..., model.nq :]) if model else (None, None)
     return Episode(environments.interval * np.arange(1, steps + 1), control, length, qpos, qvel, observation, reward)
+
+
+@contextmanager
+def _side_by_side(threads: int) -> Iterator[Callable[[Callable[[np.ndarray], None], np.ndarray], None]]:
+    """What calls a function with rows, each thread with some, and returns when all are done."""
+    if threads == 1:
+        yield lambda function, rows: function(rows)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+
+        def each_its_own(function: Callable[[np.ndarray], None], rows: np.ndarray) -> None:
+            for _ in pool.map(function, [rows[first::threads] for first in range(min(threads, len(rows)))]):
+                pass
+
+        yield each_its_own

@@ -12,12 +12,12 @@ from auroraqd.observations import joined as streams
 from auroraqd.tasks import Evaluation
 from auroraqd.tasks._environments import Environments
 from auroraqd.tasks._episodes import MOST_BYTES as _MOST_BYTES
-from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped, threads
+from auroraqd.tasks._episodes import Episode, Rollout, Seeds, joined, stepped, threads, threads_that_step
 from auroraqd.tasks._sensing import Camera, Sense, Senses
 from auroraqd.tasks.controllers import ClosedLoop, OpenLoop, Sinusoids, is_closed_loop
 
 _MOST_STEPS, _MOST_THREADS = 10**7, 10_000
-_SIDE_BY_SIDE = 16  # environments that are stepped; with more of them, each step is no faster
+_SIDE_BY_SIDE = 16  # environments that a thread steps; with more of them, each step is no faster
 
 
 @dataclass
@@ -31,9 +31,9 @@ class Gym:
 
     The task chooses how to simulate. What an open-loop controller does with a robot of MuJoCo is computed by MuJoCo's own
     multi-threaded rollout, of whole batches, when nothing asks for more than positions and velocities, and the environment's
-    own step is seen to do the same. All else steps environments. Two things differ then: an episode ends when the environment
-    terminates it (a robot that has fallen, for instance), and stays as it was last; and one thread does it all: spread the task
-    over processes with `auroraqd.evaluate.over`.
+    own step is seen to do the same. All else steps environments, side by side. Two things differ then: an episode ends when the
+    environment terminates it (a robot that has fallen, for instance), and stays as it was last; and of what a step costs only
+    MuJoCo's part is done by several threads, so that more is to be had from processes, `auroraqd.evaluate.over`.
 
     Args:
         env_id: of Gymnasium.
@@ -52,7 +52,9 @@ class Gym:
             do with seed 0.
         modify: changes the model of MuJoCo after it is loaded, in place, a damaged robot for instance. Workers need a function
             of a module.
-        threads: of the rollout; by default one for each core, or OMP_NUM_THREADS, which is 1 in workers, if that is less.
+        threads: that simulate robots of MuJoCo; what they find is the same bit for bit. By default one for each core, or
+            OMP_NUM_THREADS, which is 1 in workers, if that is less. Environments that are stepped and not Gymnasium's own get
+            one, unless you ask for more, which they must not mind: one must share nothing with another that changes.
         options: of the environment, as `gymnasium.make` takes them.
 
     Attributes:
@@ -101,7 +103,7 @@ class Gym:
         self._open()
 
     def __getstate__(self) -> dict[str, Any]:
-        made = ("_environments", "_rollout", "_lock", "_senses", "_streams", "_truth")
+        made = ("_environments", "_rollout", "_threads", "_lock", "_senses", "_streams", "_truth")
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -122,7 +124,7 @@ class Gym:
         actuators = self._environments.actuators
         sizes = (self._environments.observations, actuators) if closed else (actuators,)
         self.n_genes: int = whole("n_genes of the controller", self.controller.n_genes(*sizes))
-        self._rollout = None
+        self._rollout, self._threads = None, threads_that_step(self._environments, self.threads)
         by_steps = closed or self.fitness == "return" or any(s.column == "observation" for s in self._senses.values())
         if not (by_steps or self.model is None or "max_episode_steps" in self.options):
             rollout = Rollout(self._environments, self.threads or threads())
@@ -196,7 +198,7 @@ class Gym:
         if self._rollout is not None:
             rows = _MOST_BYTES // self._rollout.bytes(self.steps)
         else:
-            rows = min(_MOST_BYTES // (8 * self.steps * self._environments.observations), _SIDE_BY_SIDE)
+            rows = min(_MOST_BYTES // (8 * self.steps * self._environments.observations), _SIDE_BY_SIDE * self._threads)
         rows = max(rows, 1)
         for start in range(0, len(genotypes), rows):
             with self._lock:
@@ -209,7 +211,7 @@ class Gym:
             policy = self.controller.policy(genotypes, self._environments.observations, actuators)
             if not callable(policy):
                 raise ValueError(f"the policy of the controller must be a function of what is sensed, got {shown(policy)}")
-            return stepped(self._environments, lambda step, sensed: policy(sensed), self.steps, seeds)
+            return self._stepped(lambda step, sensed: policy(sensed), seeds)
         controller: Any = self.controller
         controls = numbers("controls", controller(genotypes, actuators, self.interval * np.arange(self.steps)))
         wanted = (len(genotypes), self.steps, actuators)
@@ -217,7 +219,10 @@ class Gym:
             raise ValueError(f"the controller must return shape {wanted}, got {controls.shape}")
         if self._rollout is not None:
             return self._rollout(controls, seeds)
-        return stepped(self._environments, lambda step, sensed: controls[:, step], self.steps, seeds)
+        return self._stepped(lambda step, sensed: controls[:, step], seeds)
+
+    def _stepped(self, controller: Callable[[int, np.ndarray], np.ndarray], seeds: Seeds) -> Episode:
+        return stepped(self._environments, controller, self.steps, seeds, self._threads)
 
     def _evaluation(self, episode: Episode) -> Evaluation:
         n = len(episode.length)
