@@ -164,14 +164,3 @@ def test_links_in_documents_lead_somewhere():
         for target in re.findall(r"\]\((?!http|#)([^)#]+)", document.read_text()):
             place = base / target[1:] if target.startswith("/") else document.parent / target
             assert place.exists(), f"{document.relative_to(ROOT)}: {target}"
-
-
-def test_messages_that_are_explained_are_those_that_are_given():
-    source = "".join(path.read_text() for path in sorted((ROOT / "src").rglob("*.py")))
-    source = re.sub(r'"\n\s*f?"', "", source)  # a sentence over several lines
-    rows = re.findall(r"^\| (.*?) \| ", (ROOT / "docs/reference/faq.md").read_text(), re.MULTILINE)
-    messages = [message for row in rows for message in re.findall(r"`([^`]+)`", row)]
-    parts = [part.strip(" :()") for message in messages for part in message.split("...")]
-    unknown = [part for part in parts if len(part) > 8 and part not in source]
-    assert len(messages) > 40
-    assert unknown == []
