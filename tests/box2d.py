@@ -44,8 +44,8 @@ def compare(genotypes, threshold):
     return Agreement(int(both.sum()), int((one | other).sum()), soon, apart[:, -1])
 
 
-def engine(start, change, threshold, step=0.01, second=False):
-    """The same movement of the arm, kinematic, in Box2D 3: the puck every 0.1 s; of two, (50, 2, 2)."""
+def engine(start, change, threshold, step=0.01, pucks=1):
+    """The same movement of the arm, kinematic, in Box2D 3: the puck every 0.1 s; of several, (50, pucks, 2)."""
     world = pyb2d3.World(gravity=(0, 0), restitution_threshold=threshold)
 
     def add(body, shape, restitution=0.0):
@@ -62,8 +62,8 @@ def engine(start, change, threshold, step=0.01, second=False):
     box = pyb2d3.box(half, air_hockey.HALF_WIDTH, center=(half, 0))
     arm = [add(world.create_kinematic_body(position=(0, 0)), box) for _ in range(4)]
     arm.append(add(world.create_kinematic_body(position=(0, 0)), pyb2d3.circle(radius=air_hockey.TIP)))
-    places = [tuple(START), air_hockey.SECOND][: 1 + second]
-    pucks = [add(world.create_dynamic_body(position=place), pyb2d3.circle(radius=0.05), 0.8) for place in places]
+    disc = pyb2d3.circle(radius=air_hockey.PUCK)
+    discs = [add(world.create_dynamic_body(position=place), disc, 0.8) for place in air_hockey.PLACES[:pucks]]
 
     times = step * np.arange(round(5 / step) + 1)
     angles = np.cumsum(start + change * (1 - np.exp(-0.3 * times))[:, None], axis=1)
@@ -78,5 +78,5 @@ def engine(start, change, threshold, step=0.01, second=False):
             body.linear_velocity = tuple(velocity[i])
             body.angular_velocity = spin[i]
         world.step(step, 4)
-        path.append([(puck.position[0], puck.position[1]) for puck in pucks])
-    return np.array(path)[9::10] if second else np.array(path)[9::10, 0]
+        path.append([(puck.position[0], puck.position[1]) for puck in discs])
+    return np.array(path)[9::10] if pucks > 1 else np.array(path)[9::10, 0]

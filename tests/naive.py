@@ -1,5 +1,6 @@
 """Plain-Python twins of the compiled kernels: slow, short, written from the rules and not from the kernels."""
 
+import itertools
 import math
 from itertools import pairwise
 
@@ -412,15 +413,16 @@ def strike(a, b, normal, threshold, radius=0.05, restitution=0.8, friction=0.8):
     return speeds + weights @ jacobian.T @ np.array([push, grip])
 
 
-def two_pucks(a, b, seconds, limit=0.94, radius=0.05, step=1e-4):
-    """Two pucks, (x, y, vx, vy, spin) each, in a room without an arm, in small steps: where they are."""
-    pucks = [list(map(float, a)), list(map(float, b))]
+def pucks_alone(pucks, seconds, limit=0.94, radius=0.05, step=1e-4):
+    """Pucks, (x, y, vx, vy, spin) each, in a room without an arm, in small steps: where they are."""
+    pucks = [list(map(float, puck)) for puck in pucks]
     for _ in range(round(seconds / step)):
-        x, y = pucks[1][0] - pucks[0][0], pucks[1][1] - pucks[0][1]
-        distance = math.hypot(x, y)
-        if distance <= 2 * radius:
-            speeds = strike(pucks[0][2:], pucks[1][2:], (x / distance, y / distance), 0.0)
-            pucks[0][2:], pucks[1][2:] = speeds[:3].tolist(), speeds[3:].tolist()
+        for a, b in itertools.combinations(pucks, 2):
+            x, y = b[0] - a[0], b[1] - a[1]
+            distance = math.hypot(x, y)
+            if distance <= 2 * radius:
+                speeds = strike(a[2:], b[2:], (x / distance, y / distance), 0.0)
+                a[2:], b[2:] = speeds[:3].tolist(), speeds[3:].tolist()
         for puck in pucks:
             for axis in range(2):
                 for side in (-1, 1):

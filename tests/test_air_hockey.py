@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import box2d
@@ -169,17 +170,18 @@ def test_bad_genotypes(genotypes, message):
 def test_bad_threshold():
     with pytest.raises(ValueError, match="restitution_threshold must be a finite number, 0 or more, got -1"):
         auroraqd.tasks.AirHockey(restitution_threshold=-1)
-    with pytest.raises(ValueError, match="pucks must be a whole number, from 1 to 2, got 3"):
-        auroraqd.tasks.AirHockey(pucks=3)
+    with pytest.raises(ValueError, match="pucks must be a whole number, from 1 to 3, got 4"):
+        auroraqd.tasks.AirHockey(pucks=4)
 
 
-def both(genotypes, threshold=0.0):
-    """The ways of two pucks, (n, 50, 2, 2), pucks last but one."""
-    observation = auroraqd.tasks.AirHockey(threshold, pucks=2)(genotypes).observation
-    return np.stack([observation["first"], observation["second"]], axis=2)
+def ways(genotypes, pucks, threshold=0.0):
+    """Those of several pucks, (n, 50, pucks, 2)."""
+    observation = auroraqd.tasks.AirHockey(threshold, pucks=pucks)(genotypes).observation
+    assert tuple(observation) == air_hockey.NAMES[:pucks]
+    return np.stack([*observation.values()], axis=2)
 
 
-def test_two_pucks():
+def test_more_pucks():
     task = auroraqd.tasks.AirHockey(pucks=2)
     genotypes = np.random.default_rng(0).random((3000, 8))
     _, observation, truth = task(genotypes)
@@ -188,21 +190,31 @@ def test_two_pucks():
     assert repr(task) == "AirHockey(restitution_threshold=0.0, pucks=2)"
     assert repr(auroraqd.tasks.AirHockey()) == "AirHockey(restitution_threshold=0.0)"
     one, second = auroraqd.tasks.AirHockey()(genotypes).observation, observation["second"]
-    untouched = np.abs(second - air_hockey.SECOND).max(axis=(1, 2)) == 0
-    near = np.linalg.norm(one - np.array(air_hockey.SECOND), axis=2).min(axis=1) < 0.3
+    untouched = np.abs(second - air_hockey.PLACES[1]).max(axis=(1, 2)) == 0
+    near = np.linalg.norm(one - np.array(air_hockey.PLACES[1]), axis=2).min(axis=1) < 0.3
     assert_allclose(observation["first"][untouched & ~near], one[untouched & ~near], atol=1e-6)  # as if it were alone
     hit = ~untouched & ~moved(auroraqd.tasks.AirHockey()(genotypes).observation)
     assert hit.sum() > 100
+    three = auroraqd.tasks.AirHockey(pucks=3)(genotypes)
+    assert_array_equal(three.ground_truth[:, 4:], three.observation["third"][:, -1])
+    alone = (three.observation["third"] == air_hockey.PLACES[2]).all(axis=(1, 2))
+    close = np.linalg.norm(observation["first"] - np.array(air_hockey.PLACES[2]), axis=2).min(axis=1) < 0.3
+    close |= np.linalg.norm(observation["second"] - np.array(air_hockey.PLACES[2]), axis=2).min(axis=1) < 0.3
+    for name in ("first", "second"):  # as if the third were not there
+        same = alone & ~close
+        assert np.median(np.abs(three.observation[name][same] - observation[name][same]).max(axis=(1, 2))) < 1e-6
     assert len(auroraqd.Aurora(8, "hand-coded", seed=0).run(task, generations=2).archive) > 50
 
 
+@pytest.mark.parametrize("number", [2, 3])
 @pytest.mark.parametrize("threshold", [0.0, 1.0])
-def test_two_pucks_neither_overlap_nor_leave(threshold):
+def test_pucks_neither_overlap_nor_leave(threshold, number):
     rng = np.random.default_rng(1)
     genotypes = np.concatenate([rng.random((20_000, 8)), rng.integers(0, 3, (10_000, 8)) / 2])
-    pucks = both(genotypes, threshold)
+    pucks = ways(genotypes, number, threshold)
     assert np.abs(pucks).max() <= LIMIT + 1e-12
-    apart = np.linalg.norm(pucks[:, :, 0] - pucks[:, :, 1], axis=2).min(axis=1) - 2 * air_hockey.PUCK
+    pairs = [pucks[:, :, a] - pucks[:, :, b] for a, b in itertools.combinations(range(number), 2)]
+    apart = np.linalg.norm(pairs, axis=3).min(axis=2) - 2 * air_hockey.PUCK
     assert (apart < -1e-3).mean() < 0.01  # between arm and walls there may be no room for two
     assert (apart < -1e-9).mean() < 0.05
 
@@ -217,7 +229,8 @@ def test_strike_agrees_with_its_twin(moving, angle, threshold):
     assert_allclose(pucks[:, 2:4].sum(axis=0), before[:, 2:4].sum(axis=0), atol=1e-9)
 
 
-def test_pucks_meet_when_a_plain_loop_says():
+@pytest.mark.parametrize("number", [2, 3])
+def test_pucks_meet_when_a_plain_loop_says(number):
     """No arm in the way: it lies where it began, and the pucks are sent against each other and the walls."""
     rng = np.random.default_rng(2)
     start, still = np.array([0.0, 0.0, math.pi, 0.0]), np.zeros(4)  # folded, along the x axis
@@ -225,9 +238,11 @@ def test_pucks_meet_when_a_plain_loop_says():
     for _ in range(12):
         a, b = np.array([-0.5, 0.6]), np.array([0.4, 0.7]) + rng.uniform(-0.1, 0.1, 2)
         way = b - a + rng.uniform(-0.08, 0.08, 2)
-        pucks = np.zeros((2, 6))
+        pucks = np.zeros((number, 6))
         pucks[0, :5], pucks[1, :5] = [*a, *way, rng.normal()], [*b, *-0.3 * way, rng.normal()]
-        expected = naive.two_pucks(pucks[0, :5], pucks[1, :5], 0.9)
+        if number == 3:  # in the way of what comes back
+            pucks[2, :2] = a + 0.25 * way
+        expected = naive.pucks_alone(pucks[:, :5], 0.9)
         straight, time = pucks[:, 2:4].copy(), 0.0
         while time < 0.9:
             time = air_hockey._advance(start, still, 0.0, time, 0.9, 0.0, np.empty((5, 7)), pucks)
@@ -236,14 +251,15 @@ def test_pucks_meet_when_a_plain_loop_says():
     assert hits > 8
 
 
-def test_two_pucks_agree_with_an_engine():
-    genotypes = np.random.default_rng(3).random((400, 8))
-    ours = both(genotypes, 1.0)
-    begin = np.array([START, air_hockey.SECOND])
+@pytest.mark.parametrize("number", [2, 3])
+def test_pucks_agree_with_an_engine(number):
+    genotypes = np.random.default_rng(3).random((400 if number == 2 else 2000, 8))
+    ours = ways(genotypes, number, 1.0)
+    begin = np.array(air_hockey.PLACES[:number])
     hit = (np.abs(ours - begin).max(axis=(1, 3)) > 1e-3).all(axis=1)
     ours = ours[hit][:30]
     movements = (values[hit][:30] for values in air_hockey.movement(genotypes))
-    theirs = np.array([box2d.engine(*each, 1.0, second=True) for each in zip(*movements, strict=True)])
+    theirs = np.array([box2d.engine(*each, 1.0, pucks=number) for each in zip(*movements, strict=True)])
     first = (np.abs(ours - begin).max(axis=(2, 3)) > 1e-3).argmax(axis=1)
     apart = np.linalg.norm(ours - theirs, axis=3)
     soon = apart[np.arange(len(apart)), np.minimum(first + box2d.SOON, air_hockey.STEPS - 1)]

@@ -1,7 +1,7 @@
 """Where trajectories in the plane happen: what else there is to see than the body that moves, for each task."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ class Scene:
         walls: whether it ends there.
         radius: of the body, in the same units; 0 for a point.
         start: (2,) where the body is before the first sample, or None.
+        others: streams of the observation that are the ways of more such bodies, and where these are before the first sample.
         arm: from genotypes, (n, n_genes), and the number of samples, to the joints of an arm, (n, steps, joints, 2), or None.
         interval: seconds between two samples, as it is shown.
     """
@@ -32,6 +33,7 @@ class Scene:
     walls: bool = False
     radius: float = 0.0
     start: np.ndarray | None = None
+    others: Mapping[str, np.ndarray] = field(default_factory=dict)
     arm: Callable[[np.ndarray, int], np.ndarray] | None = None
     interval: float = 0.1
 
@@ -53,8 +55,10 @@ def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
             f"{shapes_of(repertoire.observation)}"
         )
     if str(config.get("task")).partition(":")[0] == "air-hockey" or importable(config) == _AIR_HOCKEY:
-        wall = np.full(2, air_hockey.WALL)
-        return Scene(-wall, wall, walls=True, radius=air_hockey.PUCK, start=np.array(air_hockey.START), arm=air_hockey.joints)
+        wall, streams = np.full(2, air_hockey.WALL), streams_of(repertoire.observation)
+        start, *more = (np.array(place) for place in air_hockey.PLACES)
+        others = {name: place for name, place in zip(air_hockey.NAMES[1:], more, strict=True) if name in streams}
+        return Scene(-wall, wall, walls=True, radius=air_hockey.PUCK, start=start, others=others, arm=air_hockey.joints)
     low, high = (ends.astype(np.float64) for ends in (observation.min(axis=(0, 1)), observation.max(axis=(0, 1))))
     margin = 0.03 * np.maximum(high - low, 1e-9)
     return Scene(low - margin, high + margin)

@@ -4,6 +4,7 @@ A skill is an individual whose observation is a trajectory in the plane; it is n
 of an animation is a sample of its trajectory, nothing is interpolated.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from auroraqd.observations import streams_of
 from auroraqd.repertoire import Repertoire
 from auroraqd.report.scenes import Scene, trajectories_of
 from auroraqd.report.style import STYLE
@@ -24,7 +26,7 @@ SHEET = 24
 """Skills on a contact sheet."""
 
 _PANEL, _ALONE = 1.7, 4.0  # inches, of one skill of several, and of one alone
-_EARLY, _LATE, _ARM = "#c9d3e8", "#c8287a", "#444444"
+_EARLY, _LATE, _ARM = "#c9d3e8", ("#c8287a", "#2646a0", "#c07800"), "#444444"  # late: of each body
 
 
 def skills_figure(repertoire: Repertoire, scene: Scene, rows: Sequence[int] | np.ndarray) -> Figure:
@@ -88,15 +90,37 @@ def _grid(repertoire: Repertoire, scene: Scene, rows: Sequence[int] | np.ndarray
     return figure, [_Panel(axes, repertoire, scene, int(row)) for axes, row in zip(panels, rows, strict=False)]
 
 
+class _Body:
+    """What moves, at any of the steps of its way, (steps, 2), from `start` on, if that is known."""
+
+    def __init__(self, axes: Axes, way: np.ndarray, start: np.ndarray | None, radius: float, color: str):
+        self._before = start is not None
+        self._path = way if start is None else np.vstack([start, way])
+        self._trail = LineCollection([], linewidths=1.6, capstyle="round")
+        axes.add_collection(self._trail)
+        self._colors = LinearSegmentedColormap.from_list("time", [_EARLY, color])(np.linspace(0, 1, len(self._path) - 1))
+        (self._dot,) = axes.plot([], [], "o", markersize=3, color=color)
+        self._disc = Circle(self._path[0], radius, color=color, alpha=0.35, visible=radius > 0)
+        axes.add_patch(self._disc)
+
+    def show(self, step: int) -> None:
+        """Where it is at a sample, and the way until then."""
+        way = self._path[: step + self._before + 1]
+        self._trail.set_segments(list(np.stack([way[:-1], way[1:]], axis=1)))
+        self._trail.set_color(list(self._colors[: len(way) - 1]))
+        self._dot.set_data(*way[-1:].T)
+        self._disc.set_center(way[-1])
+
+
 class _Panel:
     """One skill, at any of its steps."""
 
     def __init__(self, axes: Axes, repertoire: Repertoire, scene: Scene, row: int):
         observed = trajectories_of(repertoire)
         assert observed is not None  # as `scene_of` has seen
-        path = np.asarray(observed[row], np.float64)
-        self.steps = len(path)
-        self._path = path if scene.start is None else np.vstack([scene.start, path])
+        self.steps = observed.shape[1]
+        streams = streams_of(repertoire.observation)
+        ways = [(observed, scene.start), *((streams[name], start) for name, start in scene.others.items())]
         joints = None if scene.arm is None else scene.arm(repertoire.genotype[row : row + 1], self.steps)[0]
         axes.set(xticks=[], yticks=[], xlim=(scene.low[0], scene.high[0]), ylim=(scene.low[1], scene.high[1]))
         axes.set_title(f"skill {row}", fontsize=8, pad=2)
@@ -106,12 +130,10 @@ class _Panel:
         width, height = scene.high - scene.low
         if 1 / 3 < width / height < 3:
             axes.set_aspect("equal")
-        self._trail = LineCollection([], linewidths=1.6, capstyle="round")
-        axes.add_collection(self._trail)
-        self._colors = LinearSegmentedColormap.from_list("time", [_EARLY, _LATE])(np.linspace(0, 1, len(self._path) - 1))
-        (self._dot,) = axes.plot([], [], "o", markersize=3, color=_LATE)
-        self._puck = Circle(self._path[0], scene.radius, color=_LATE, alpha=0.35, visible=scene.radius > 0)
-        axes.add_patch(self._puck)
+        self._bodies = [
+            _Body(axes, np.asarray(way[row], np.float64), start, scene.radius, color)
+            for (way, start), color in zip(ways, itertools.cycle(_LATE), strict=False)
+        ]
         self._joints = joints
         if joints is not None:
             axes.plot(*joints[0].T, color=_ARM, alpha=0.25, linewidth=1.5)  # where the arm begins
@@ -119,11 +141,7 @@ class _Panel:
 
     def show(self, step: int) -> None:
         """What there is to see at a sample, and the way until then."""
-        now = step + len(self._path) - self.steps
-        way = self._path[: now + 1]
-        self._trail.set_segments(list(np.stack([way[:-1], way[1:]], axis=1)))
-        self._trail.set_color(list(self._colors[: len(way) - 1]))
-        self._dot.set_data(*way[-1:].T)
-        self._puck.set_center(way[-1])
+        for body in self._bodies:
+            body.show(step)
         if self._joints is not None:
             self._arm.set_data(*self._joints[step].T)

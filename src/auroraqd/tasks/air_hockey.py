@@ -30,7 +30,8 @@ TIP = 0.0135  # m, radius of the disc at the end
 WALL = 0.99  # m, from the middle of the room to a wall
 PUCK = 0.05  # m, radius
 START = (0.55, 0.5)  # m, where the puck is placed
-SECOND = (0.35, 0.65)  # m, where a second one is: ours, within reach and near the first
+PLACES = (START, (0.35, 0.65), (0.7, 0.3))  # m, where more of them are: ours, within reach and near the first
+NAMES = ("first", "second", "third")  # of their streams
 RATE = 0.3  # 1/s, joint speed over the distance to the target
 PHASE = 5.0  # s, of each of the two movements
 _FRICTION = 0.8  # geometric mean of 0.8 and 0.8
@@ -57,12 +58,14 @@ class AirHockey:
     - observation (n, 50, 2): x and y of the puck every 0.1 s, in metres, from the middle of a room of 1.98 x 1.98 m;
     - ground_truth (n, 2): the last of them.
 
-    With two pucks, observation has two streams, "first" and "second", and ground_truth is (n, 4), first the first.
+    With more pucks, each is a stream of the observation, "first", "second", "third", and ground_truth is (n, 2 pucks), first
+    the first.
 
     Args:
         restitution_threshold: m/s, an impact that is not faster does not bounce. 0: the puck always bounces, as in the paper;
             1: as in the code of the follow-up, where most pucks stick to what they hit.
-        pucks: 1, as in the paper, or 2, which hit each other too. The second is placed at (0.35, 0.65).
+        pucks: 1, as in the paper, or 2 or 3, which hit each other too. The second is placed at (0.35, 0.65), the third at
+            (0.7, 0.3).
 
     Raises:
         ValueError: genotypes has the wrong shape, or leaves [0, 1]; an argument is out of range.
@@ -79,11 +82,11 @@ class AirHockey:
 
     def __post_init__(self) -> None:
         number("restitution_threshold", self.restitution_threshold)
-        whole("pucks", self.pucks, most=2)
+        whole("pucks", self.pucks, most=len(PLACES))
 
     def __repr__(self) -> str:
-        second = ", pucks=2" if self.pucks == 2 else ""  # as earlier versions have it, to whom runs of one puck are the same
-        return f"{type(self).__name__}(restitution_threshold={self.restitution_threshold!r}{second})"
+        more = f", pucks={self.pucks}" * (self.pucks > 1)  # as earlier versions have it, to whom runs of one puck are the same
+        return f"{type(self).__name__}(restitution_threshold={self.restitution_threshold!r}{more})"
 
     @property
     def n_genes(self) -> int:
@@ -100,13 +103,13 @@ class AirHockey:
         start, change = movement(genotypes)
         paths = np.empty((self.pucks, len(genotypes), STEPS, 2))
         _push(start, change, float(self.restitution_threshold), paths)
-        observation = paths[0] if self.pucks == 1 else {"first": paths[0], "second": paths[1]}
+        observation = paths[0] if self.pucks == 1 else dict(zip(NAMES, paths, strict=False))
         return tasks.Evaluation(np.zeros(len(genotypes)), observation, np.concatenate(paths[:, :, -1], axis=1))
 
     def bounds(self) -> np.ndarray:
         """(2, 50, 2): the lowest and the highest x and y, in metres, at every step: the middle of the puck in the room.
 
-        Of two pucks (2, 100, 2), first the first.
+        Of more pucks (2, 50 pucks, 2), first the first.
         """
         return np.stack([np.full((self.pucks * STEPS, 2), -_LIMIT), np.full((self.pucks * STEPS, 2), _LIMIT)])
 
@@ -146,7 +149,7 @@ def _one(start, change, threshold, arm, pucks, paths):
     bound = _bound(change)
     _pose(start, change, 0.0, arm)
     for p in range(pucks.shape[0]):
-        pucks[p, 0], pucks[p, 1] = START if p == 0 else SECOND
+        pucks[p, 0], pucks[p, 1] = PLACES[p]
         for _ in range(_BODIES):  # placed onto the arm: out of one link at a time
             gap = _contacts(arm, 0.0, threshold, pucks[p])
             if gap >= 0:
@@ -182,16 +185,18 @@ def _advance(start, change, bound, time, end, threshold, arm, pucks):
     _pose(start, change, share, arm)
     for p in range(pucks.shape[0]):
         pucks[p, 5] = _contacts(arm, rate, threshold, pucks[p])
-    if pucks.shape[0] == 2:
-        _collide(threshold, pucks[0], pucks[1])
+    for p in range(1, pucks.shape[0]):
+        for q in range(p):
+            _collide(threshold, pucks[q], pucks[p])
     # A puck that is squeezed between another and a wall would be moved off the wall by rounding, again and again.
     near, least = (0.0, 1e-9) if pucks.shape[0] == 1 else (_NEAR, 1e-6)
     step = end - time
     for p in range(pucks.shape[0]):
         _walls(threshold, pucks[p], near)
         step = min(step, _free(bound * rate, pucks[p]))
-    if pucks.shape[0] == 2:
-        step = min(step, _meeting(pucks[0], pucks[1]))
+    for p in range(1, pucks.shape[0]):
+        for q in range(p):
+            step = min(step, _meeting(pucks[q], pucks[p]))
     for p in range(pucks.shape[0]):
         pucks[p, 0] += step * pucks[p, 2]
         pucks[p, 1] += step * pucks[p, 3]
