@@ -254,6 +254,13 @@ def test_a_run_is_the_same_alone(experiment, tmp_path):
     assert_array_equal(auroraqd.load(tmp_path).genotype, auroraqd.load(ledger.run_folder("pca-incremental", 1)).genotype)
 
 
+def test_streams_have_no_common_unit(tmp_path):
+    made = replace(AIR_HOCKEY.variants["pca-incremental"].of(AIR_HOCKEY.base(3, 40), 0), task="air-hockey:pucks=2")
+    found, _ = replicate(Job("a", 0, made, tmp_path, None, ()), listener=lambda aurora: None)
+    assert 0 < found.rmse < 1
+    assert np.isnan(found.rmse_metres)
+
+
 @pytest.mark.parametrize("damaged", [False, True], ids=["goes on", "begins anew"])
 def test_a_run_that_is_interrupted_goes_on_where_it_was(damaged, experiment, tmp_path, monkeypatch):
     monkeypatch.setattr(replication, "_EVERY", 0.0)

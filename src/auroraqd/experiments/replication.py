@@ -11,6 +11,7 @@ from auroraqd.aurora import Aurora
 from auroraqd.experiments.looks import Looks
 from auroraqd.experiments.measures import Measure
 from auroraqd.experiments.settings import Settings
+from auroraqd.observations import has_streams
 from auroraqd.runs import folders
 from auroraqd.runs.checkpoints import Checkpoints
 
@@ -25,7 +26,7 @@ class Result(NamedTuple):
         seed, generations, batch_size: its settings.
         size: individuals stored.
         rmse: mean reconstruction error on the [-1, 1] scale; `rmse_metres`: in the units of the observations. NaN where the
-            descriptor cannot reconstruct.
+            descriptor cannot reconstruct, the latter also of streams, which have units of their own.
         l: distance threshold at the end; NaN without one.
         new, replaced, rejected, invalid: individuals that were given this status.
         seconds: of the run, training included.
@@ -168,6 +169,6 @@ def _interrupted(job: Job, kept: Looks) -> tuple[Aurora, list[tuple[Any, dict[st
 
 def _rmse_in_units(aurora: Aurora) -> float:
     archive = aurora.archive
-    if archive.reconstruction_error is None:
+    if archive.reconstruction_error is None or has_streams(archive.observation):
         return float("nan")
     return float(metrics.reconstruction_error(archive.observation, aurora.reconstruct(archive.descriptor)).mean())
