@@ -99,6 +99,19 @@ def test_contact_sheet(repertoire):
     np.testing.assert_allclose(arm.get_xydata(), air_hockey.joints(repertoire.genotype[rows[3:4]])[0, -1])
 
 
+def test_all_pucks_are_drawn():
+    task = auroraqd.tasks.AirHockey(pucks=3)
+    found = auroraqd.Aurora(8, "hand-coded", seed=0, batch_size=20).run(task, generations=1).archive
+    figure = skills_figure(found, scene_of({"task": "air-hockey:pucks=3"}, found), [1, 0])
+    for axes, row in zip(figure.axes, [1, 0], strict=True):
+        assert len(axes.collections) == 3
+        for trail, name, place in zip(axes.collections, air_hockey.NAMES, air_hockey.PLACES, strict=True):
+            ends = np.array(trail.get_segments())
+            np.testing.assert_array_equal(ends[:, 1], found.observation[name][row])
+            np.testing.assert_array_equal(ends[0, 0], place)
+        assert len({tuple(trail.get_color()[-1]) for trail in axes.collections}) == 3
+
+
 def test_an_animation_shows_every_sample(folder, repertoire):
     moved = int(np.ptp(repertoire.observation, axis=1).sum(axis=1).argmax())
     assert command(["animate", str(folder), "--skill", str(moved)]) == str(folder / "figures" / f"skill-{moved}.gif")
