@@ -95,7 +95,7 @@ def workers(batches=10):
 
 def killed(times):
     """A run of paper size killed at random moments, resumed each time, beside one left alone."""
-    command = [sys.executable, "-m", "auroraqd.cli"]
+    command = [sys.executable, "-m", "auroraqd"]
     rng = random.Random(0)
     with tempfile.TemporaryDirectory() as folder:
         alone, ended = Path(folder) / "alone", Path(folder) / "killed"

@@ -129,7 +129,7 @@ def command_line():
 
 def timed(name, arguments, environment):
     since = time.perf_counter()
-    command = [sys.executable, "-m", "auroraqd.cli", *arguments]
+    command = [sys.executable, "-m", "auroraqd", *arguments]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env={**os.environ, **environment})
     print(f"| {name} | {time.perf_counter() - since:.2f} |", flush=True)
 

@@ -21,7 +21,7 @@ from importlib import import_module
 from pathlib import Path
 
 _WARNINGS = os.environ.get("AURORAQD_TESTS_WARNINGS", "error")  # "ignore": what old versions of dependencies warn of
-CLI = [sys.executable, "-W", _WARNINGS, "-m", "auroraqd.cli"]  # for `subprocess`
+CLI = [sys.executable, "-W", _WARNINGS, "-m", "auroraqd"]  # for `subprocess`
 _SECONDS = 300  # that a command may take
 _FORKS = sys.platform == "linux"
 
@@ -48,7 +48,7 @@ def python(*line: object, cwd: object = None, warned: bool = False) -> subproces
 
 def cli(*arguments: object, cwd: object = None, warned: bool = False) -> subprocess.CompletedProcess:
     """Run `auroraqd *arguments`, where warnings are errors."""
-    return python("-m", "auroraqd.cli", *arguments, cwd=cwd, warned=warned)
+    return python("-m", "auroraqd", *arguments, cwd=cwd, warned=warned)
 
 
 @cache

@@ -45,9 +45,14 @@ def test_installed_command_and_help():
     assert auroraqd.__version__ in command("--version").stdout
 
 
+def test_the_module_is_the_command():
+    done = subprocess.run([sys.executable, "-m", "auroraqd", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"auroraqd {auroraqd.__version__}\n"
+
+
 def test_help_imports_nothing_heavy():
     done = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "auroraqd.cli", "--help"], capture_output=True, text=True, check=True
+        [sys.executable, "-X", "importtime", "-m", "auroraqd", "--help"], capture_output=True, text=True, check=True
     )
     for module in ("numpy", "numba", "sklearn", "matplotlib", "scipy", "jax", "equinox"):
         assert f"| {module}\n" not in done.stderr

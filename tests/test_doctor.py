@@ -23,7 +23,7 @@ def doctor(**environment):
     path = [environment.pop("PYTHONPATH", ""), str(Path(auroraqd.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     there = {name: value for name, value in os.environ.items() if name not in PLACES}
     there |= {"PYTHONPATH": os.pathsep.join(filter(None, path)), **environment}
-    line = [sys.executable, "-m", "auroraqd.cli", "doctor"]
+    line = [sys.executable, "-m", "auroraqd", "doctor"]
     return subprocess.run(line, env=there, capture_output=True, text=True, timeout=300, check=False)
 
 

@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import io
 import json
+import shutil
 import sys
 from ctypes.util import find_library
 
@@ -143,6 +144,16 @@ def test_places_of_another_time_are_those_of_the_snapshot(folder):
         np.testing.assert_array_equal(kept["id"], snapshot.id)
         for name, wanted in (("descriptor", snapshot.descriptor), ("truth", snapshot.ground_truth)):
             np.testing.assert_allclose(back(kept["places"][name]), wanted, atol=np.ptp(wanted) / 60_000)
+
+
+def test_the_page_of_a_run_is_written_again_but_no_other_file(folder, tmp_path):
+    run = shutil.copytree(folder, tmp_path / "run")
+    for _ in range(2):
+        assert commands.cli("explore", run).stdout.startswith(f"{run / 'skills.html'}, ")
+    other = tmp_path / "other.html"
+    other.write_text("mine")
+    assert "exists: choose another file with --out" in commands.cli("explore", run, "--out", other).stderr
+    assert other.read_text() == "mine"
 
 
 def test_what_cannot_be_explored_is_said(folder, tmp_path):

@@ -85,7 +85,7 @@ def test_what_shells_are_told(words, completions):
 
 
 def test_completion_imports_nothing_heavy():
-    line = [sys.executable, "-X", "importtime", "-m", "auroraqd.cli"]
+    line = [sys.executable, "-X", "importtime", "-m", "auroraqd"]
     asking = {"_AURORAQD_COMPLETE": "complete_bash", "COMP_WORDS": "auroraqd run b", "COMP_CWORD": "2"}
     done = subprocess.run(line, env=os.environ | asking, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["ballistic"]
@@ -120,7 +120,7 @@ SHELLS = {"bash": ["bash", "--norc", "-c"], "zsh": ["zsh", "-f", "-c"], "fish": 
 def test_shells_complete(tmp_path, shell):
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not there")
-    (tmp_path / "auroraqd").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m auroraqd.cli "$@"\n')
+    (tmp_path / "auroraqd").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m auroraqd "$@"\n')
     (tmp_path / "auroraqd").chmod(0o755)
     environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "HOME": str(tmp_path)}
     done = subprocess.run([*SHELLS[shell], IN_SHELLS[shell]], env=environment, capture_output=True, text=True, check=True)

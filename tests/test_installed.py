@@ -27,7 +27,7 @@ mount --bind "$1" "$1"
 for place in /tmp /var/tmp; do mount -o remount,bind,ro $place; done
 cd "$1"; shift; exec "$@"
 """
-RUN = ["-m", "auroraqd.cli", "run", "ballistic", "-n", "1", "--descriptor", "genotype"]
+RUN = ["-m", "auroraqd", "run", "ballistic", "-n", "1", "--descriptor", "genotype"]
 RUN += ["--archive", "dominated:capacity=200"]  # which has few kernels to compile
 
 
@@ -179,7 +179,7 @@ def test_a_doctor_says_so(folder, place):
     temporary = place / "temporary"
     temporary.mkdir()
     temporary.chmod(0o1777)
-    done = as_somebody(["-m", "auroraqd.cli", "doctor"], folder, TMPDIR=str(temporary))
+    done = as_somebody(["-m", "auroraqd", "doctor"], folder, TMPDIR=str(temporary))
     assert done.returncode == 1
     assert not done.stderr
     wrong = done.stdout.partition("What is wrong:")[2]

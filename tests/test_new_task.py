@@ -47,7 +47,7 @@ def test_what_its_readme_says_can_be_done(folder):
     for line in lines:
         words = line.split()[1:]
         command(*words, *(["-n", 3, "--no-figures"] if words[0] == "run" else []), cwd=folder)
-    assert (folder / "skills.html").stat().st_size
+    assert (folder / "runs" / "first" / "skills.html").stat().st_size
     skills = auroraqd.load(folder / "runs" / "first")
     assert len(skills) > 100
     assert skills.ground_truth is not None

@@ -182,8 +182,9 @@ def test_what_is_no_robot_has_no_film(served):
         "trouble": "the task of the run is no robot that MuJoCo draws, or cannot be imported here: name it with task"
     }
     assert "is not stored" in json.loads(asked(served, "/film?id=123456")[2])["trouble"]
-    assert "trouble" in json.loads(asked(served, "/film?id=x")[2])
-    assert "trouble" in json.loads(asked(served, "/film")[2])
+    for query, came in (("?id=x", "'x'"), ("", "''")):
+        trouble = json.loads(asked(served, f"/film{query}")[2])["trouble"]
+        assert trouble == f"id must be that of a skill, a whole number, got {came}"
 
 
 def test_a_robot_that_raises_is_said(served, monkeypatch):

@@ -72,8 +72,10 @@ def animate(
 
 
 def explore(
-    folders: Annotated[list[Path], typer.Argument(help="Run folder; several are compared in their ground truth.")],
-    out: Annotated[Path | None, typer.Option(help="The .html file to write. [default: skills.html]")] = None,
+    folders: Annotated[
+        list[Path], typer.Argument(help="Run folder; several are compared in their ground truth, into skills.html.")
+    ],
+    out: Annotated[Path | None, typer.Option(help="The .html file to write. [default: FOLDER/skills.html]")] = None,
     most: Annotated[int, typer.Option(min=1, help="Skills in the page; of more, as many are drawn at random.")] = 20_000,
     films: Annotated[
         int, typer.Option(min=0, max=64, help="Diverse skills of a robot of MuJoCo to film. Its task is imported.")
@@ -83,7 +85,7 @@ def explore(
         bool, typer.Option("--serve", help="Write no file, but show the run in a browser on this machine, while it goes on.")
     ] = False,
     port: Annotated[int, typer.Option(min=0, max=65_535, help="With --serve: where it listens. 0: any port that is free.")] = 0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file given by --out if it exists.")] = False,
 ) -> None:
     """Write a page to explore skills in a browser: one file, which needs no network and no server.
 
@@ -94,8 +96,9 @@ def explore(
             raise UserError("--serve shows one run folder, whose robots are filmed when asked: leave out --out and --films")
         _serve(folders[0], port, most, task)
         return
-    path = out or Path("skills.html")
-    if path.exists() and not overwrite:
+    own = out is None and len(folders) == 1  # what was drawn of a run before is drawn anew, as its figures are
+    path = folders[0] / "skills.html" if own else out or Path("skills.html")
+    if path.exists() and not (own or overwrite):
         raise UserError(f"{path} exists: choose another file with --out, or replace it with --overwrite")
     with busy("drawing films" if films else "loading"), warnings_said():
         from auroraqd.report import explore

@@ -25,6 +25,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from auroraqd._checks import shown
 from auroraqd._files import told
 from auroraqd.report.explorer.films import filmed
 from auroraqd.report.explorer.page import check_bokeh, check_skills, policy, written
@@ -194,6 +195,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _film(self, id: str) -> None:
         try:
+            if not id.isdecimal():
+                raise ValueError(f"id must be that of a skill, a whole number, got {shown(id)}")
             self._send_json(self.server.followed.film(int(id)))
         except Exception as error:  # the task is somebody else's
             kind = "" if isinstance(error, OSError | ValueError) else f"{type(error).__name__}: "

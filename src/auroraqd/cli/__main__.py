@@ -1,5 +1,0 @@
-"""`python -m auroraqd.cli`."""
-
-from auroraqd.cli import main
-
-main()
