@@ -6,6 +6,7 @@ from pathlib import Path
 import comparison
 import latent
 import numpy as np
+import pucks
 import pytest
 import seeing
 import sphere
@@ -116,6 +117,25 @@ def test_the_page_of_pixels_says_what_the_results_are():
     page, results = HOME / "docs" / "results" / "pixels.md", HOME / "results"
     found = seeing.table({task: Ledger(results / f"seeing-{task}") for task in seeing.EXPERIMENTS})
     assert comparison.filled(page.read_text(), {"seeing": found}) == page.read_text()
+
+
+def test_the_page_of_pucks_says_what_the_results_are():
+    page, results = HOME / "docs" / "results" / "pucks.md", HOME / "results"
+    found = pucks.table({number: Ledger(results / f"pucks-{number}") for number in pucks.EXPERIMENTS})
+    assert comparison.filled(page.read_text(), {"pucks": found}) == page.read_text()
+
+
+@pytest.mark.parametrize("number", pucks.EXPERIMENTS)
+def test_several_pucks_are_measured(number, tmp_path):
+    experiment = pucks.EXPERIMENTS[number]
+    made, aurora = experiment.variants["pca-5"].of(Settings(task=experiment.task), 0).build()
+    seen = aurora.run(made, generations=2).archive.observation
+    moved, diversity = (measure.look(aurora.archive) for measure in experiment.measures)
+    still = [(seen[name] == seen[name][:, :1]).all(axis=(1, 2)) for name in seen.dtype.names]
+    assert moved == pytest.approx(100 * (1 - np.any(still, axis=0).mean()), abs=1)
+    each = [auroraqd.metrics.diversity(seen[name], pucks.SQUARES) for name in seen.dtype.names]
+    assert diversity == pytest.approx(sum(each))  # fewer than 5,000 are stored
+    assert len(each) == number
 
 
 @pytest.mark.parametrize("task", seeing.EXPERIMENTS)
