@@ -79,13 +79,27 @@ def joined(streams: Mapping[str, np.ndarray]) -> np.ndarray:
     return observation
 
 
-def flat(observation: np.ndarray) -> np.ndarray:
-    """(n, features): of streams, one beside the other, as float64."""
+def flat(observation: np.ndarray, dtype: type = np.float64) -> np.ndarray:
+    """(n, features): of streams, one beside the other, in a dtype."""
     n = len(observation)
     if not has_streams(observation):
         return observation.reshape(n, math.prod(observation.shape[1:]))
     parts = [stream.reshape(n, math.prod(stream.shape[1:])) for stream in streams_of(observation).values()]
-    return np.concatenate(parts, axis=1, dtype=np.float64)
+    return np.concatenate(parts, axis=1, dtype=dtype)
+
+
+class FlatRows:
+    """Streams, (n,), as (n, features) float32, of which rows are made when they are asked for."""
+
+    def __init__(self, observation: np.ndarray) -> None:
+        self._observation = observation
+        self.shape = (len(observation), features_of(observation))
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, rows: Any) -> np.ndarray:
+        return flat(self._observation[rows], np.float32)
 
 
 def by_stream(function: Callable[[np.ndarray], np.ndarray], observation: np.ndarray) -> np.ndarray:

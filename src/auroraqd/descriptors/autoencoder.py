@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -38,8 +38,9 @@ from sklearn.exceptions import NotFittedError
 from auroraqd._checks import MOST_SEED, flag, number, numbers, numeric, one_of, rows_of, shown, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.descriptors import distances, networks
-from auroraqd.descriptors.networks import MLP, Convolutional, Network
+from auroraqd.descriptors.networks import MLP, Convolutional, Fused, Network
 from auroraqd.descriptors.scaling import Scaler, Scaling
+from auroraqd.observations import FlatRows, finite_rows, flat, has_streams, observations
 
 if TYPE_CHECKING:
     from auroraqd.descriptors.inference import InUse
@@ -235,13 +236,17 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             from auroraqd.descriptors import training  # noqa: F401
 
         self.check_parameters()
-        x = numeric("x", x, _OBSERVATIONS, rows=True, some=True, finite=True)
-        shape = x.shape[1:]
-        if self.n_components > x[0].size:
+        x, rows = _read(x)
+        kind = self._network(rows.shape[1:], x.dtype)
+        if isinstance(kind, Fused):
+            kind.check_streams(x)
+        elif has_streams(x):
+            x = rows = flat(x)
+        shape = rows.shape[1:]
+        if self.n_components > math.prod(shape):
             raise ValueError(
-                f"n_components must be at most {x[0].size}, the entries of an observation, got {self.n_components}"
+                f"n_components must be at most {math.prod(shape)}, the entries of an observation, got {self.n_components}"
             )
-        kind = self._network(shape, x.dtype)
         kind.check_shape(shape)
         architecture = _Architecture(kind, shape, int(self.n_components), self.beta > 0)
         goes_on = self.warm_start and self._architecture() == architecture
@@ -249,7 +254,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         rng = np.random.default_rng(None if self.random_state is None else [self.random_state, fits])
         start = _filled(architecture, self.weights_ if goes_on else None, rng)
         scaling = kind.scaling(x)
-        best, last = self._trained(x, architecture, scaling, start, goes_on, rng)
+        best, last = self._trained(x, rows, architecture, scaling, start, goes_on, rng)
         import jax
 
         self.weights_ = [np.asarray(leaf) for leaf in jax.tree.leaves(best.network)]
@@ -335,6 +340,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
 
     def _rows(self, x: ArrayLike) -> np.ndarray:
         """Observations, (n, ...), as (n, features)."""
+        if isinstance(x, Mapping) or (isinstance(x, np.ndarray) and has_streams(x)):
+            x = flat(observations("x", x))
         x = numeric("x", x, _OBSERVATIONS, rows=True, finite=True)
         if x.shape[1:] != self.observation_shape_:
             raise ValueError(f"x must have shape {rows_of(self.observation_shape_)}, as in fit, got {x.shape}")
@@ -393,6 +400,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
     def _trained(
         self,
         x: np.ndarray,
+        rows: np.ndarray | FlatRows,
         architecture: _Architecture,
         scaling: Scaling,
         start: Any,
@@ -402,7 +410,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         """The best network that there is, and the last training: the first, unless it failed.
 
         Args:
-            x: observations, (n, ...).
+            x: observations, (n, ...), or streams, (n,).
+            rows: the same, of streams all entries.
             architecture, scaling: as it is, and how they are scaled.
             start: its weights.
             goes_on: whether these are of an earlier fit, to be kept if all fails.
@@ -411,11 +420,11 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         from auroraqd.descriptors.training import Trained, train
 
         kind = architecture.network
-        data = self._data(x, kind, scaling, rng)
+        data = self._data(x, rows, kind, scaling, rng)
         protocol = self._protocol()._replace(learning_rate=kind.rate * self.learning_rate)
 
         def judged(trained: Trained) -> _Tried:
-            return _Tried(trained.network, trained.diverged, *_quality(kind, trained.network, scaling, x, data))
+            return _Tried(trained.network, trained.diverged, *_quality(kind, trained.network, scaling, rows, data))
 
         tried = [judged(Trained(start, [], math.nan, False, False))] if goes_on else []
         while True:
@@ -429,7 +438,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             protocol = protocol._replace(learning_rate=_SLOWER * protocol.learning_rate)
             start = start if goes_on else _filled(architecture, None, rng)
 
-    def _data(self, x: np.ndarray, kind: Network, scaling: Scaling, rng: np.random.Generator) -> Data:
+    def _data(
+        self, x: np.ndarray, rows: np.ndarray | FlatRows, kind: Network, scaling: Scaling, rng: np.random.Generator
+    ) -> Data:
         """What to train on."""
         from auroraqd.descriptors.training import Data
 
@@ -439,8 +450,11 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         targets = None if metric == "euclidean" or not self.isometry else kind.measured(x, scaling)
         if metric == "geodesic" and targets is not None:
             targets = distances.along_the_graph(targets, rng)
-        scaler = scaling.scaler(x[0].size)
-        variance = _variance(x, scaler)
+        features = math.prod(rows.shape[1:])
+        scaler = scaling.scaler(features)
+        variance = _variances(rows, scaler, kind.groups(features))
+        if isinstance(rows, FlatRows):
+            return Data(rows, scaler, targets, variance)
         if kind.raw:
             return Data(x.reshape(len(x), -1), scaler, targets, variance)
         return Data(scaler(x).astype(np.float32), None, targets, variance)
@@ -531,30 +545,47 @@ def _put_to_use(kind: Network, network: Any, scaler: Scaler) -> InUse:
     return (Compiled if kind.raw else Plain)(network, scaler)
 
 
-def _variance(x: np.ndarray, scaler: Scaler) -> float:
-    """The mean over observations, (n, ...), scaled, of their squared distance to the mean row."""
-    total, squares = np.zeros(x[0].size), 0.0
-    for start in range(0, len(x), _ROWS):
-        part = scaler(x[start : start + _ROWS])
+def _read(x: Any) -> tuple[np.ndarray, np.ndarray | FlatRows]:
+    """Observations, (n, ...), or streams, (n,), and the same by rows; of streams all entries of a row."""
+    if not isinstance(x, Mapping) and not (isinstance(x, np.ndarray) and has_streams(x)):
+        x = numeric("x", x, _OBSERVATIONS, rows=True, some=True, finite=True)
+        return x, x
+    x = observations("x", x)
+    if len(x) == 0 or not finite_rows(x).all():
+        raise ValueError(
+            f"x must be finite, and of one row at least, got {'no row' if len(x) == 0 else 'a NaN or an infinity'}"
+        )
+    return x, FlatRows(x)
+
+
+def _variances(rows: np.ndarray | FlatRows, scaler: Scaler, groups: tuple[int, ...]) -> float | np.ndarray:
+    """The mean over observations, scaled, of their squared distance to the mean row; of several groups of entries one each."""
+    n, ends = len(rows), np.cumsum(groups)
+    total, squares = np.zeros(ends[-1]), np.zeros(len(groups))
+    for start in range(0, n, _ROWS):
+        part = scaler(rows[start : start + _ROWS])
         total += part.sum(axis=0)
-        squares += float(np.einsum("ij,ij->", part, part))
-    mean = total / len(x)
-    return max(squares / len(x) - float(mean @ mean), 0.0)
+        squares += [np.einsum("ij,ij->", of, of) for of in np.split(part, ends[:-1], axis=1)]
+    means = np.split(total / n, ends[:-1])
+    found = [max(float(square) / n - float(mean @ mean), 0.0) for square, mean in zip(squares, means, strict=True)]
+    return found[0] if len(found) == 1 else np.array(found)
 
 
-def _quality(kind: Network, network: Any, scaling: Scaling, x: np.ndarray, data: Data) -> tuple[float, float, float, float]:
+def _quality(
+    kind: Network, network: Any, scaling: Scaling, x: np.ndarray | FlatRows, data: Data
+) -> tuple[float, float, float, float]:
     """RMSE, and shares as in `_Tried`, of a network. Of rows that are all the same, nothing is left to be explained."""
-    use = _put_to_use(kind, network, scaling.scaler(x[0].size))
-    flat = x.reshape(len(x), -1)
-    found = [use.describe(flat[start : start + _ROWS]) for start in range(0, len(x), _ROWS)]
+    n, features = len(x), math.prod(x.shape[1:])
+    use, variance = _put_to_use(kind, network, scaling.scaler(features)), float(np.sum(data.variance))
+    found = [use.describe(x[start : start + _ROWS].reshape(-1, features)) for start in range(0, n, _ROWS)]
     z, squares = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    rmse = math.sqrt(squares.sum() / x.size)
-    if data.variance <= _NOTHING * x[0].size:
+    rmse = math.sqrt(squares.sum() / (n * features))
+    if variance <= _NOTHING * features:
         return rmse, 1.0, 1.0, 1.0
-    some = np.linspace(0, len(x) - 1, min(len(x), _ROWS)).astype(int)
-    targets = data.targets[some] if data.targets is not None else scaling.scaler(x[0].size)(x[some])
+    some = np.linspace(0, n - 1, min(n, _ROWS)).astype(int)
+    targets = data.targets[some] if data.targets is not None else scaling.scaler(features)(x[some])
     spread = np.linalg.norm(z.std(axis=0)) / max(np.sqrt((z**2).sum(axis=1).mean()), np.finfo(np.float64).tiny)
-    return rmse, 1 - squares.mean() / data.variance, distances.kept(targets, z[some]), float(spread)
+    return rmse, 1 - squares.mean() / variance, distances.kept(targets, z[some]), float(spread)
 
 
 class _Printer:

@@ -168,10 +168,10 @@ class Descriptor:
         if isinstance(self.source, str):
             return self.restored(Scaling.of(observation), shape, layout, limited=limited)
         transformer: Any = self._copied(self.source)
-        raw = _reads_raw(transformer, shape, observation.dtype)
+        raw = not weights and _reads_raw(transformer, shape, observation.dtype)  # weights are those of a joint scaling
         scaling = None if raw else Scaling.of(observation, weights)
         x = observation if scaling is None else scaling.scaler(math.prod(shape))(joined)
-        x = x.reshape(joined.shape) if _natural(transformer) else x
+        x = x.reshape(joined.shape) if _natural(transformer) and layout_of(x) is None else x
         try:
             _solvers.fit(transformer, x, supervised.target(transformer, fitness))
         except Mismatch:

@@ -144,6 +144,37 @@ def recurrent_network(
     return AutoEncoderNetwork(encoder, decoder)
 
 
+def fused_network(
+    parts: Sequence[AutoEncoderNetwork],
+    sizes: Sequence[int],
+    n_components: int,
+    width: int,
+    hidden: int,
+    rng: np.random.Generator,
+) -> AutoEncoderNetwork:
+    """One latent space of several networks: dense layers between what their encoders give and their decoders read.
+
+    Args:
+        parts: networks with `width` components each.
+        sizes: entries that each of them reads.
+        n_components: size of the latent space.
+        width, hidden: of what is between.
+        rng: for the weights.
+    """
+    beside = width * len(parts)
+    encoder = (
+        Each(tuple(part.encoder for part in parts), tuple(sizes)),
+        Dense.random(beside, hidden, "silu", rng),
+        Dense.random(hidden, n_components, "linear", rng),
+    )
+    decoder = (
+        Dense.random(n_components, hidden, "silu", rng),
+        Dense.random(hidden, beside, "linear", rng),
+        Each(tuple(part.decoder for part in parts), (width,) * len(parts)),
+    )
+    return AutoEncoderNetwork(encoder, decoder)
+
+
 class Dense(eqx.Module):
     """A fully connected layer."""
 
@@ -347,6 +378,19 @@ class Beside(eqx.Module):
     def __call__(self, x: Array) -> Array:
         """(n, features) to (n, those of one + those of the other)."""
         return jnp.concatenate([_through(self.one, x), _through(self.other, x)], axis=1)
+
+
+class Each(eqx.Module):
+    """Stacks of layers, each of which reads some of the entries of a row; what they give lies side by side."""
+
+    stacks: tuple[tuple[eqx.Module, ...], ...]
+    sizes: tuple[int, ...] = eqx.field(static=True)  # entries for each
+
+    def __call__(self, x: Array) -> Array:
+        """(n, sum of sizes) to (n, those of all)."""
+        ends = np.cumsum(self.sizes).tolist()
+        given = [x[:, end - size : end] for size, end in zip(self.sizes, ends, strict=True)]
+        return jnp.concatenate([_through(stack, part) for stack, part in zip(self.stacks, given, strict=True)], axis=1)
 
 
 class Scales(eqx.Module):

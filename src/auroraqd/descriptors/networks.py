@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from auroraqd._checks import number, rows_of, whole, wholes
 from auroraqd.descriptors.distances import flat, multiscale, rhythms
 from auroraqd.descriptors.scaling import Scaling
+from auroraqd.observations import described, layout_of
 
 if TYPE_CHECKING:
     from auroraqd.descriptors.layers import AutoEncoderNetwork
@@ -63,6 +64,10 @@ class Network(ABC):
         """How observations, (n, ...), are scaled: each channel by its range."""
         return Scaling.of(observation)
 
+    def groups(self, features: int) -> tuple[int, ...]:
+        """How many entries of a row belong together: those of each stream. There is a variance of each group."""
+        return (features,)
+
     @abstractmethod
     def build(self, shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
         """An encoder and a decoder with random weights, for rows of scaled observations of this shape, flattened."""
@@ -72,7 +77,7 @@ class Network(ABC):
 
         Args:
             x, reconstruction: of JAX.
-            variance: the mean over the rows of their squared distance to the mean row.
+            variance: the mean over the rows of their squared distance to the mean row; of several groups one each.
         """
         return ((reconstruction - x) ** 2).sum(axis=1)
 
@@ -276,6 +281,130 @@ class Recurrent(Network):
         return rhythms(observation, scaling)
 
 
+@dataclass(frozen=True)
+class Fused(Network):
+    """A network for each stream, fused into one latent space: an encoder each, dense layers that read what all give, and back.
+
+    Errors are balanced: of each stream the squared error counts as a share of the variance of that stream, and all streams
+    alike. So do distances: those of each stream are over their spread, as its own network measures them.
+
+    Args:
+        parts: of each stream its name, the shape of a row and its network; in the order of their names.
+        width: what each encoder gives, and each decoder reads.
+        hidden: width of the dense layers between.
+        error: weight of the squared error.
+        steps: the most steps of the optimiser in a repeat.
+
+    Examples:
+        >>> import numpy as np
+        >>> from auroraqd.descriptors.networks import Fused
+        >>> Fused.of(np.dtype([("camera", np.uint8, (32, 32)), ("joints", float, (20, 4))]))
+        Fused(camera=Image(), joints=MLP())
+    """
+
+    parts: tuple[tuple[str, tuple[int, ...], Network], ...]
+    width: int = 16
+    hidden: int = 64
+    error: float = 20.0
+    steps: int = 200  # pyright: ignore[reportIncompatibleMethodOverride]
+    measures: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, dtype: np.dtype, hidden: Sequence[int] = MLP.hidden) -> Fused:
+        """What `network="auto"` stands for, of streams with this structured dtype; `hidden` is of those that are an `MLP`."""
+        kinds = [(name, dtype[name].base, dtype[name].shape) for name in dtype.names or ()]
+        return cls(tuple((name, shape or (1,), chosen(shape or (1,), base, hidden)) for name, base, shape in kinds))
+
+    def __repr__(self) -> str:
+        return f"Fused({', '.join(f'{name}={_briefly(network)}' for name, _, network in self.parts)})"
+
+    @property
+    def geodesic(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether that of a stream is."""
+        return any(network.geodesic for _, _, network in self.parts)
+
+    @property
+    def rate(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The least of the streams."""
+        return min(network.rate for _, _, network in self.parts)
+
+    def check(self) -> None:
+        """See `Network`."""
+        if not self.parts:
+            raise ValueError("parts must be of one stream at least, got none")
+        for _, shape, network in self.parts:
+            network.check()
+            network.check_shape(shape)
+        for name in ("width", "hidden"):
+            whole(name, getattr(self, name), most=MOST_WIDTH)
+        number("error", self.error)
+        whole("steps", self.steps)
+
+    def check_streams(self, observation: np.ndarray) -> None:
+        """Raise ValueError where observations, (n, ...) or (n,) of streams, are none that it takes."""
+        layout = layout_of(observation)
+        found = None if layout is None else tuple((name, shape or (1,)) for name, shape in layout)
+        wanted = tuple((name, shape) for name, shape, _ in self.parts)
+        if found != wanted:
+            raise ValueError(f"network 'Fused' takes {described(wanted)}, got {described(found)}")
+
+    @property
+    def _sizes(self) -> tuple[int, ...]:
+        return tuple(math.prod(shape) for _, shape, _ in self.parts)
+
+    def groups(self, features: int) -> tuple[int, ...]:
+        """See `Network`."""
+        return self._sizes
+
+    def scaling(self, observation: np.ndarray) -> Scaling:
+        """Each stream as its network does it."""
+        ends = [
+            (np.tile(scaling.low, n // len(scaling.low)), np.tile(scaling.high, n // len(scaling.high)))
+            for scaling, n in zip(self._scalings(observation), self._sizes, strict=True)
+        ]
+        low, high = (np.concatenate(end) for end in zip(*ends, strict=True))
+        return Scaling(low, high)
+
+    def _scalings(self, observation: np.ndarray) -> list[Scaling]:
+        return [network.scaling(rows) for network, rows in self._rows(observation)]
+
+    def _rows(self, observation: np.ndarray) -> list[tuple[Network, np.ndarray]]:
+        """Of each stream its network, and its rows."""
+        return [(network, observation[name].reshape(len(observation), *shape)) for name, shape, network in self.parts]
+
+    def build(self, shape: tuple[int, ...], n_components: int, rng: np.random.Generator) -> AutoEncoderNetwork:
+        """See `Network`."""
+        from auroraqd.descriptors.layers import fused_network
+
+        parts = [network.build(part, self.width, rng) for _, part, network in self.parts]
+        return fused_network(parts, self._sizes, n_components, self.width, self.hidden, rng)
+
+    def loss(self, x: Array, reconstruction: Array, variance: Array) -> Array:
+        """See the class."""
+        ends = np.cumsum(self._sizes).tolist()
+        shares = [
+            _share(x[:, end - size : end], reconstruction[:, end - size : end], variance[i])
+            for i, (size, end) in enumerate(zip(self._sizes, ends, strict=True))
+        ]
+        return self.error * sum(shares) / len(shares)
+
+    def measured(self, observation: np.ndarray, scaling: Scaling) -> np.ndarray:
+        """What the network of each stream measures, over its spread."""
+        found = []
+        for network, rows in self._rows(observation):
+            part = network.measured(rows, network.scaling(rows))
+            spread = np.sqrt(part.var(axis=0, dtype=np.float64).sum())
+            found.append(part / np.float32(spread) if spread > 0 else part)
+        return np.concatenate(found, axis=1)
+
+
+def _briefly(network: Network) -> str:
+    """What differs from the defaults."""
+    known = fields(network)  # pyright: ignore[reportArgumentType] - all are dataclasses
+    given = [f"{f.name}={getattr(network, f.name)!r}" for f in known if getattr(network, f.name) != f.default]
+    return f"{type(network).__name__}({', '.join(given)})"
+
+
 NAMED: dict[str, type[Network]] = {"mlp": MLP, "convolutional": Convolutional, "image": Image, "recurrent": Recurrent}
 NAMES = ("auto", *NAMED)
 
@@ -283,9 +412,13 @@ NAMES = ("auto", *NAMED)
 def chosen(shape: tuple[int, ...], dtype: np.dtype, hidden: Sequence[int]) -> Network:
     """The network for observations of this shape, without the rows, and dtype: what `network="auto"` stands for.
 
+    Streams are fused, each by what is chosen for it alone.
+
     (h, w, channels) is an image if its sides are 16 to 128, and so is (h, w) of whole numbers of eight bits. (steps, channels)
     is a long time series from 100 steps and 1,000 entries on. All else is for dense layers.
     """
+    if dtype.names is not None:
+        return Fused.of(dtype, hidden)
     if is_image(shape) and (len(shape) == 3 or dtype == np.uint8):
         return Image()
     if len(shape) == 2 and shape[0] >= _LONG and math.prod(shape) >= _MOST_ENTRIES:

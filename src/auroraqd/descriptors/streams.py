@@ -52,7 +52,8 @@ class Streams:
         auroraqd.Streams(PCA(3), weights={"camera": 0.5})
 
     Args:
-        together: a transformer that gets all streams, scaled, flattened and joined, as one that is given to `Aurora` by itself.
+        together: a transformer that gets all streams, as one that is given to `Aurora` by itself: scaled, flattened and joined.
+            An `AutoEncoder` gets them as they are, unless there are weights.
         weights: of streams by their names, above 0 and 1 where there is none: how much distances along each count.
         each: instead, a transformer for each stream, by its name; None leaves it out. See the module docstring.
 

@@ -27,6 +27,7 @@ from auroraqd._interrupts import uninterrupted
 from auroraqd.descriptors.layers import AutoEncoderNetwork
 from auroraqd.descriptors.networks import Network
 from auroraqd.descriptors.scaling import Scaler
+from auroraqd.observations import FlatRows
 
 Array = Any
 _LEAST_ROWS = 256
@@ -63,13 +64,13 @@ class Data(NamedTuple):
         x: (n, features): scaled rows, float32, or observations as they are, to be read in parts.
         scaler: of observations as they are; None for scaled rows.
         targets: (n, m) float32, whose distances those in the latent space are to be proportional to; None: the rows themselves.
-        variance: the mean over scaled rows of their squared distance to the mean row.
+        variance: the mean over scaled rows of their squared distance to the mean row; of several streams one each.
     """
 
-    x: np.ndarray
+    x: np.ndarray | FlatRows
     scaler: Scaler | None = None
     targets: np.ndarray | None = None
-    variance: float = 1.0
+    variance: float | np.ndarray = 1.0
 
 
 class Progress(NamedTuple):
@@ -176,6 +177,7 @@ def _steps(
     """The training in pieces of about half a second; returns its result."""
     n = len(data.x)
     size, padded = _sizes(n, protocol.batch_size)
+    assert isinstance(data.x, np.ndarray)  # scaled rows
     x, targets = (None if rows is None else _padded(rows, padded) for rows in (data.x, data.targets))
     weights, structure = eqx.partition(jax.tree.map(jnp.asarray, network), eqx.is_array)
     step = _compiled(structure, kind, _compiled_for(protocol, size))
@@ -398,7 +400,8 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
     return _Compiled(optimizer, epochs)
 
 
-_PART = 16  # mini-batches that are read at a time, a power of four, where rows are not held in memory
+_PART = 16  # mini-batches that are read at a time, a power of four, where rows are not held in memory; and of
+_OF_STREAMS = 4  # rows that are made of streams, in float32
 
 
 class _InParts(NamedTuple):
@@ -500,8 +503,8 @@ def _parts(data: Data, rows: np.ndarray, size: int) -> Iterator[tuple[int, _Part
     """The rows of these numbers in parts of a fixed number, and at which of them each begins."""
     assert data.scaler is not None
     center, factor = (jnp.asarray(values, jnp.float32) for values in (data.scaler.center, data.scaler.factor))
-    batches = 1
-    while batches < min(_PART, -(-len(rows) // size)):
+    batches, most = 1, _OF_STREAMS if isinstance(data.x, FlatRows) else _PART
+    while batches < min(most, -(-len(rows) // size)):
         batches *= 4  # few lengths: it is compiled for each
     length = size * batches
     for first in range(0, len(rows), length):

@@ -23,7 +23,7 @@ _PLAIN = {
 _REST = "json"  # what is no array; no attribute of theirs is called so
 _ZIP = b"PK"  # how a file of skops begins
 _PACKED = 200  # times that what is in a packed file may be larger than it
-_NETWORKS = ("MLP", "Convolutional", "Image", "Recurrent")
+_NETWORKS = ("MLP", "Convolutional", "Image", "Recurrent", "Fused")
 _TRUSTED = (  # beyond scikit-learn's
     "auroraqd.AutoEncoder",
     "auroraqd.Streams",
