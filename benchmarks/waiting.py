@@ -1,6 +1,7 @@
 """How busy workers are, when evaluations do not last alike: by the generation, and asynchronously.
 
-    python benchmarks/waiting.py --workers 16
+    python benchmarks/waiting.py --workers 16            # processes
+    python benchmarks/waiting.py --workers 16 --dask     # workers of a Dask cluster on this machine
 
 Evaluations sleep, 0.05 s in the median, log-normally with sigma 1, so the workers need no cores of their own. Printed is the
 sum of the durations over workers times wall time, from the second generation on, when the workers are there, to the end.
@@ -8,6 +9,7 @@ sum of the durations over workers times wall time, from the second generation on
 
 import argparse
 import time
+from contextlib import ExitStack
 
 import numpy as np
 from sklearn.decomposition import PCA
@@ -46,9 +48,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=16)
     parser.add_argument("--evaluations", type=int, default=4000)
+    parser.add_argument("--dask", action="store_true", help="workers of a Dask cluster, and not processes")
     options = parser.parse_args()
     print(f"{'batch':>6} {'by the generation':>18} {'asynchronous':>13}")
-    with evaluate.over(evaluate.processes(options.workers), robot) as spread:
+    with ExitStack() as cluster:
+        workers = evaluate.processes(options.workers)
+        if options.dask:
+            from distributed import Client, LocalCluster
+
+            kept = cluster.enter_context(LocalCluster(n_workers=options.workers, threads_per_worker=1, dashboard_address=None))
+            workers = evaluate.dask(cluster.enter_context(Client(kept)))
+        spread = cluster.enter_context(evaluate.over(workers, robot))
         for batch_size in (16, 64, 256):
             shares = [busy(spread, options.workers, batch_size, options.evaluations, kind) for kind in (False, True)]
             print(f"{batch_size:6} {shares[0]:18.0%} {shares[1]:13.0%}", flush=True)

@@ -627,8 +627,7 @@ class Stream(_Batch):
         short = spread._seconds is not None and spread._seconds < _SHORT and spread._timeout is None
         if not short or workers == 1 or self._suspects:
             return workers
-        # What waits at a process of ours waits for that one, and elsewhere for the first that is free.
-        return workers + (workers if hasattr(spread._executor, "end") else math.ceil(workers / 4))
+        return 2 * workers  # one waits at each worker, or it would do nothing until the next one comes
 
     def _fresh(self, workers: int) -> _Piece | None:
         return self._waiting.popleft() if self._waiting else None
