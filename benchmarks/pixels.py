@@ -96,9 +96,8 @@ SAID = {
 
 def spread(place):
     """Coverage, and effective cells."""
-    counts = np.histogram2d(*place.T, bins=BINS, range=[(0, 1), (0, 1)])[0].ravel()
-    share = counts[counts > 0] / counts.sum()
-    return len(share), float(np.exp(-(share * np.log(share)).sum()))
+    cells = {"bins": BINS, "low": 0, "high": 1}
+    return round(auroraqd.metrics.coverage(place, **cells) * BINS**2), auroraqd.metrics.effective_cells(place, **cells)
 
 
 def runs(names, seed):

@@ -19,7 +19,7 @@ import numpy as np
 
 import auroraqd
 from auroraqd.experiments.ledger import SETTINGS, Ledger
-from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC
+from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, near_a_wall
 from auroraqd.metrics import diversity, klc
 from auroraqd.tasks import air_hockey
 
@@ -86,15 +86,15 @@ def throws(ledger: Ledger) -> None:
 
 def hockey(ledger: Ledger) -> None:
     """Final positions near a wall, and diversity of as many individuals."""
-    limit = air_hockey.WALL - air_hockey.PUCK - NEAR
-    even = 1 - (limit / (limit + NEAR)) ** 2
+    reach = air_hockey.WALL - air_hockey.PUCK
+    even = 1 - (1 - NEAR / reach) ** 2
     print(f"### Final positions within {NEAR} m of where the puck can touch a wall (even would be {even:.0%}); and the")
     print(f"diversity, 20 x 20, of {DRAWN:,} individuals drawn at random: smallest and largest over the runs\n")
     print(f"| variant | runs | near a wall | diversity of {DRAWN:,} |\n|---|---|---|---|")
     for name, variant in AIR_HOCKEY.variants.items():
         found = repertoires(ledger, name).values()
         if found:
-            near = [(np.abs(one.observation[:, -1]) > limit).any(axis=1).mean() for one in found]
+            near = [near_a_wall(one.ground_truth, NEAR) for one in found]
             drawn = [diversity(sample(one.observation), bins=20) for one in found if len(one) >= DRAWN]
             ends = f"{min(drawn):.0f} to {max(drawn):.0f}" if drawn else ""
             print(f"| {variant.title} | {len(found)} | {min(near):.1%} to {max(near):.1%} | {ends} |", flush=True)

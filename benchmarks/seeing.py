@@ -68,10 +68,8 @@ class Squares:
 
     def look(self, individuals: Any) -> float:
         """See the class."""
-        bounds = [(0, SIDE)] * 2
-        share = np.histogram2d(*individuals.ground_truth.T, bins=SQUARES, range=bounds)[0].ravel() / len(individuals)
-        share = share[share > 0]
-        return float(np.exp(-(share * np.log(share)).sum())) if self.effective else len(share)
+        counted = metrics.effective_cells if self.effective else metrics.coverage
+        return counted(individuals.ground_truth, SQUARES, 0, SIDE) * (1 if self.effective else SQUARES**2)
 
     def score(self, looked: float, reference: float) -> float:
         """See the class."""

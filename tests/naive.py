@@ -169,8 +169,8 @@ def far_outside(observations):
     return far
 
 
-def klc(reference, compared, bins=30):
-    """D_KL(reference || compared), joint histogram over the box of the reference."""
+def histograms(reference, compared, bins):
+    """The share of each that is in the cells of the box of the reference, which are not empty."""
     lows = [min(p[j] for p in reference) for j in range(len(reference[0]))]
     highs = [max(p[j] for p in reference) for j in range(len(reference[0]))]
 
@@ -185,7 +185,18 @@ def klc(reference, compared, bins=30):
             counts[cell] = counts.get(cell, 0) + 1
         return {cell: count / sum(counts.values()) for cell, count in counts.items()}
 
-    e, a = histogram(reference), histogram(compared)
+    return histogram(reference), histogram(compared)
+
+
+def reached(reference, compared, bins):
+    """The share of the cells of the one that the other is in."""
+    e, a = histograms(reference, compared, bins)
+    return sum(cell in a for cell in e) / len(e)
+
+
+def klc(reference, compared, bins=30):
+    """D_KL(reference || compared), joint histogram over the box of the reference."""
+    e, a = histograms(reference, compared, bins)
     return sum(p * math.log(p / a.get(cell, 1e-8)) for cell, p in e.items())
 
 
@@ -457,6 +468,12 @@ def cell(point, bins, low, high):
 
 def coverage(points, bins, low, high):
     return len({cell(p, bins, low, high) for p in points}) / math.prod(bins)
+
+
+def effective_cells(points, bins, low, high):
+    where = [cell(p, bins, low, high) for p in points]
+    shares = [where.count(c) / len(where) for c in set(where)]
+    return math.prod(share**-share for share in shares) if shares else 0.0
 
 
 def qd_score(points, fitness, bins, low, high, offset):

@@ -12,7 +12,7 @@ from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd.callbacks import PassiveGrid
-from auroraqd.metrics import coverage, qd_score, soft_qd_score
+from auroraqd.metrics import coverage, effective_cells, qd_score, soft_qd_score
 
 BOX = (3, 4), (-1.0, 0.0), (2.0, 0.5)  # bins, low, high
 
@@ -30,6 +30,9 @@ def repertoires(draw):
 def test_they_agree_with_their_twins(repertoire, offset):
     points, fitness = repertoire
     assert coverage(points, *BOX) == naive.coverage(points.tolist(), *BOX)
+    effective = naive.effective_cells(points.tolist(), *BOX)
+    assert_allclose(effective_cells(points, *BOX), effective, rtol=1e-12)
+    assert effective <= coverage(points, *BOX) * 12 + 1e-9
     expected = naive.qd_score(points.tolist(), fitness.tolist(), *BOX, offset)
     assert_allclose(qd_score(points, fitness, *BOX, offset=offset), expected, rtol=1e-12, atol=1e-12)
 
@@ -50,7 +53,9 @@ def test_by_hand():
     assert coverage(points, 2, 0, 1) == 0.5
     assert qd_score(points, fitness, 2, 0, 1) == 8  # outside is at the border, where 5 is better than 2
     assert qd_score(points, fitness, 2, 0, 1, offset=-1) == 10
-    assert coverage(np.empty((0, 2)), 2) == qd_score(np.empty((0, 2)), [], 2) == 0
+    assert effective_cells(points, 2, 0, 1) == effective_cells(points[1:3], 2, 0, 1) == 2  # as many in each
+    assert effective_cells(points[:2], 2, 0, 1) == 1
+    assert effective_cells(np.empty((0, 2)), 2) == coverage(np.empty((0, 2)), 2) == qd_score(np.empty((0, 2)), [], 2) == 0
 
 
 @pytest.mark.parametrize(

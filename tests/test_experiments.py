@@ -175,6 +175,7 @@ def test_results_are_measured_against_the_reference_of_the_replication(experimen
         marginal = auroraqd.metrics.klc(reference, repertoire.ground_truth, marginal=True)
         assert_allclose(row.measures["klc_marginal"], marginal, rtol=1e-5)
         assert_allclose(row.measures["outside"], auroraqd.metrics.outside(reference, repertoire.ground_truth), rtol=1e-5)
+        assert_allclose(row.measures["reached"], auroraqd.metrics.reached(reference, repertoire.ground_truth), rtol=1e-5)
         assert row.measures["klc"] == 0 if row.variant == "hand-coded" else row.measures["klc"] > 0
         if row.variant == "pca-incremental":
             assert_allclose(row.rmse, repertoire.reconstruction_error.mean(), rtol=1e-5)
@@ -197,6 +198,9 @@ def test_air_hockey_is_measured_without_a_reference(air_hockey):
         repertoire = auroraqd.load(ledger.run_folder(row.variant, row.replication))
         for name, bins in (("diversity", 10), ("diversity_20", 20)):
             assert row.value(name) == pytest.approx(auroraqd.metrics.diversity(repertoire.observation, bins), rel=1e-5)
+        ends = repertoire.observation[:, -1]
+        assert row.value("even") == pytest.approx(auroraqd.metrics.effective_cells(ends, 20), rel=1e-5)
+        assert row.value("walls") == pytest.approx((np.abs(ends).max(axis=1) > 0.84).mean(), rel=1e-5)
         assert row.value("size") == len(repertoire)
     followed = [p.value("diversity_20") for p in ledger.points if (p.variant, p.replication) == ("pca-incremental", 1)]
     assert len(followed) == len(looked_at(4))

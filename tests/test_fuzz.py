@@ -252,6 +252,7 @@ def calls(folder):
         "metrics.klc": Call(lambda: metrics.klc, {"reference": GOOD, "compared": GOOD}),
         "metrics.klc, marginal": Call(lambda: metrics.klc, {"reference": GOOD, "compared": GOOD, "marginal": True}),
         "metrics.outside": Call(lambda: metrics.outside, {"reference": GOOD, "compared": GOOD}),
+        "metrics.reached": Call(lambda: metrics.reached, {"reference": GOOD, "compared": GOOD}),
         "metrics.diversity": Call(lambda: metrics.diversity, {"trajectories": GOOD[None]}),
         "metrics.squares": Call(lambda: metrics.squares, {"trajectories": GOOD[None]}),
         "metrics.reconstruction_error": Call(

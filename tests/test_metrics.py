@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auroraqd.metrics import diversity, klc, outside, reconstruction_error
+from auroraqd.metrics import diversity, klc, outside, reached, reconstruction_error
 
 
 def test_agrees_with_its_twin():
@@ -25,6 +25,25 @@ def test_values_by_hand():
 def test_outside():
     reference = np.array([[0.0, 0.0], [1.0, 1.0]])
     assert outside(reference, np.array([[0.5, 0.5], [2.0, 0.5], [0.5, -1.0], [1.0, 0.0]])) == 0.5
+
+
+@pytest.mark.parametrize("d", [1, 2, 10])
+def test_reached_agrees_with_its_twin(d):
+    rng = np.random.default_rng(d)
+    reference, compared = rng.normal(size=(300, d)), rng.normal(size=(200, d)) * 1.3 + 0.2
+    assert reached(reference, compared) == naive.reached(reference.tolist(), compared.tolist(), 10)
+    assert reached(reference, reference) == reached(reference, np.vstack([compared, reference])) == 1
+
+
+def test_reached_by_hand():
+    corners = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 1.0]])
+    assert reached(corners, [[0.4, 0.4], [0.9, 0.1]], bins=2) == 1 / 3  # the other is where the reference has none
+    assert reached(corners, [[0.0, 1.1], [-0.1, 0.0]], bins=2) == 0  # outside
+    assert reached([[5.0, 5.0]], [[5.0, 5.0]]) == 1  # no width
+    assert reached([[5.0, 5.0]], [[5.0, 6.0]]) == 0
+    assert reached([[-1e308], [1e308]], [[0.0], [1e308]], bins=2) == 0.5
+    with pytest.raises(ValueError, match="same columns"):
+        reached(corners, [[0.0]])
 
 
 @pytest.mark.parametrize(

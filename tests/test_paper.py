@@ -64,6 +64,15 @@ def test_without_results_nothing_is_known():
     assert {one.verdict for one in judge({task: Evidence([]) for task in EXPERIMENTS})} == {Verdict.UNKNOWN}
 
 
+def three(hand_coded, learned, measure):
+    learners = [r for name in ("pca-incremental", "ae-incremental") for r in runs(name, around(learned), measure)]
+    return learners + runs("hand-coded", around(hand_coded), measure)
+
+
+def regions(most, cvt):
+    return [r for name in claims._PAPER_1 for r in runs(name, [cvt if name == "cvt" else most], "reached")]
+
+
 @pytest.mark.parametrize(
     ("name", "results", "holds"),
     [
@@ -91,6 +100,14 @@ def test_without_results_nothing_is_known():
         ("cvt-few", runs("cvt", [9], "size") + runs("hand-coded", [100], "size"), True),
         ("cvt-few", runs("cvt", [11], "size") + runs("hand-coded", [100], "size"), False),
         ("walls", runs("hand-coded", [1.0]), None),
+        ("walls", three(0.2, 0.3, "walls"), True),
+        ("walls", three(0.3, 0.2, "walls"), False),
+        ("even", three(300, 250, "even"), True),
+        ("even", three(250, 300, "even"), False),
+        ("reached", regions(0.95, 0.1), True),
+        ("reached", regions(0.94, 0.1), False),
+        ("reached", regions(0.95, 0.96), False),
+        ("reached", regions(0.95, 0.1)[:-1], None),
         ("protocol-2", [r for name in claims._PAPER_2 for r in runs(name, [1.0] * 20)], True),
         ("protocol-2", [r for name in claims._PAPER_2 for r in runs(name, [1.0] * 20, generations=60)], False),
         ("protocol-2", [r for name in claims._PAPER_2[1:] for r in runs(name, [1.0] * 20)], False),

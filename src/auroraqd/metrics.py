@@ -84,6 +84,39 @@ def outside(reference: np.ndarray, compared: np.ndarray) -> float:
     return float(((compared < reference.min(axis=0)) | (compared > reference.max(axis=0))).any(axis=1).mean())
 
 
+def reached(reference: np.ndarray, compared: np.ndarray, bins: int = 10) -> float:
+    """The share of the regions of the reference, (n, d), in which the compared repertoire, (m, d), has an individual.
+
+    Regions are the cells of a grid over the bounding box of the reference that hold one of it; an individual outside the box
+    reaches none. How many there are in each does not matter, which is what `klc` is about.
+
+    Args:
+        reference, compared: see `klc`.
+        bins: in each dimension.
+
+    Examples:
+        >>> import auroraqd
+        >>> auroraqd.metrics.reached([[0.0, 0.0], [1.0, 1.0]], [[0.1, 0.1], [0.1, 0.9]], bins=2)  # a share
+        0.5
+    """
+    bins = whole("bins", bins, most=_MOST_BINS)
+    reference, compared = _points("reference", reference), _points("compared", compared)
+    if reference.shape[1] != compared.shape[1]:
+        raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
+    low, high = reference.min(axis=0), reference.max(axis=0)
+    inside = compared[((compared >= low) & (compared <= high)).all(axis=1)]
+    there, ours = (_cells(points, low, high, bins) for points in (reference, inside))
+    cells = {tuple(cell) for cell in there.tolist()}
+    return len(cells & {tuple(cell) for cell in ours.tolist()}) / len(cells)
+
+
+def _cells(points: np.ndarray, low: np.ndarray, high: np.ndarray, bins: int) -> np.ndarray:
+    """The cells of a grid that points within it are in, (n, d), without repetition; where it has no width there is one."""
+    width = high / 2 - low / 2  # halves: the box may be as wide as numbers go
+    share = np.divide(points / 2 - low / 2, width, out=np.zeros_like(points), where=width > 0)
+    return np.unique(np.minimum(np.floor(share * bins), bins - 1).astype(np.int64), axis=0)
+
+
 def diversity(trajectories: np.ndarray, bins: int = 10, *, low: float = -1.0, high: float = 1.0) -> float:
     """Diversity of trajectories in a square room (paper, Sec. "Second scenario").
 
@@ -177,6 +210,28 @@ def coverage(points: ArrayLike, bins: int | Sequence[int], low: ArrayLike = -1.0
     values = _some_points("points", points)
     grid = grid_of(bins, low, high, values.shape[1])
     return len(np.unique(grid.cell_of(values))) / grid.n_cells
+
+
+def effective_cells(points: ArrayLike, bins: int | Sequence[int], low: ArrayLike = -1.0, high: ArrayLike = 1.0) -> float:
+    """In how many cells of a grid points, (n, d), would be if they were as spread out and each as full as the others.
+
+    The exponential of the entropy of how they are distributed over the cells (the Hill number of order 1 [1]): 1 where all are
+    in one cell, and all cells there are where each holds as many. 0 without points.
+
+    [1] M. O. Hill, Diversity and Evenness: A Unifying Notation and Its Consequences, Ecology 54, 1973.
+
+    Args:
+        points, bins, low, high: see `coverage`, and what is raised.
+
+    Examples:
+        >>> import auroraqd
+        >>> round(auroraqd.metrics.effective_cells([[0.1, 0.1], [0.2, 0.2], [0.9, 0.9]], bins=2, low=0, high=1), 2)
+        1.89
+    """
+    values = _some_points("points", points)
+    _, counts = np.unique(grid_of(bins, low, high, values.shape[1]).cell_of(values), return_counts=True)
+    share = counts / max(len(values), 1)
+    return float(np.exp(-(share * np.log(share)).sum())) if len(values) else 0.0
 
 
 def qd_score(

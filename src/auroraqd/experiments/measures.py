@@ -76,6 +76,31 @@ class Coverage:
 
 
 @dataclass(frozen=True)
+class Distribution:
+    """How individuals lie in ground-truth space; it needs no reference.
+
+    Args:
+        name, title, form, followed, logarithmic: see `Measure`.
+        function: of their ground truth, (n, d).
+    """
+
+    name: str
+    title: str
+    function: Callable[[np.ndarray], float]
+    form: str = "{:.1f}"
+    followed: bool = False
+    logarithmic: bool = False
+
+    def look(self, individuals: Any) -> float:
+        """The number itself."""
+        return self.function(individuals.ground_truth)
+
+    def score(self, looked: float, reference: float) -> float:
+        """See the class."""
+        return looked
+
+
+@dataclass(frozen=True)
 class Diversity:
     """The diversity of trajectories; it needs no reference. See `auroraqd.metrics.diversity`.
 

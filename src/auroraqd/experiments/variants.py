@@ -5,11 +5,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from auroraqd import metrics
 from auroraqd.control.resolution import VAT
 from auroraqd.emitters.variation import Polynomial
-from auroraqd.experiments.measures import Coverage, Diversity, Measure
+from auroraqd.experiments.measures import Coverage, Distribution, Diversity, Measure
 from auroraqd.experiments.settings import CVT, CVTPrior, Settings
+from auroraqd.tasks import air_hockey
 
 # The network of the paper, trained with Adam for 60 epochs instead of its up to 125,000 of Adagrad; what the training does to
 # the coverage is in docs/reproduction.md.
@@ -89,6 +92,11 @@ def _named(*variants: Variant) -> dict[str, Variant]:
     return {variant.name: variant for variant in variants}
 
 
+def near_a_wall(position: np.ndarray, within: float = 0.1) -> float:
+    """The share of pucks, (n, 2) in metres, that lie within some metres of where they touch a wall."""
+    return float((np.abs(position) > air_hockey.WALL - air_hockey.PUCK - within).any(axis=1).mean())
+
+
 _HAND_CODED = Variant("hand-coded", "Hand-coded", {"descriptor": "hand-coded"})
 _PCA = Variant("pca-incremental", "AURORA-PCA incremental", {"descriptor": "pca"})
 _AE = Variant("ae-incremental", "AURORA-AE incremental", {"descriptor": _PLAIN})
@@ -127,6 +135,7 @@ BALLISTIC = Experiment(
         Coverage("klc", "KLC", metrics.klc, followed=True, logarithmic=True),
         Coverage("klc_marginal", "KLC, marginal", partial(metrics.klc, marginal=True)),
         Coverage("outside", "outside", metrics.outside),
+        Coverage("reached", "regions reached", metrics.reached),
     ),
     reference="hand-coded",
     tested=("klc",),
@@ -138,9 +147,14 @@ trained without."""
 AIR_HOCKEY = Experiment(
     task="air-hockey",
     variants=_named(_HAND_CODED, _PCA, _AE, _CVT, _AE_ISOMETRIC),
-    measures=(Diversity("diversity", "diversity, 10 x 10", bins=10), Diversity("diversity_20", "diversity, 20 x 20", bins=20)),
+    measures=(
+        Diversity("diversity", "diversity, 10 x 10", bins=10),
+        Diversity("diversity_20", "diversity, 20 x 20", bins=20),
+        Distribution("even", "effective squares, 20 x 20", partial(metrics.effective_cells, bins=20)),
+        Distribution("walls", "near a wall", near_a_wall, form="{:.3f}"),
+    ),
     reference=None,
-    tested=("diversity", "diversity_20", "rmse_metres"),
+    tested=("diversity", "diversity_20", "rmse_metres", "even", "walls"),
     truth="final position",
 )
 """The paper's four, of which the hand-coded descriptor is the final position of the puck; then ours."""
