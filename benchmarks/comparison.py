@@ -215,9 +215,9 @@ def grown(experiment: Experiment, folder: Path, seeds: Mapping[str, int], genera
         missing, settings = plan(ledger, experiment, names, number, base)
         if missing:
             folder_at(folder)
-            left = TimeLeft(missing, jobs, [(experiment.task, ledger.results)])
+            left = TimeLeft(missing, jobs, [(experiment.name, ledger.results)])
             with ExperimentProgress(Console(stderr=True), len(missing), left) as progress:
-                progress.begin(experiment.task)
+                progress.begin(experiment.name)
                 execute(missing, settings, ledger, jobs, progress)
             if progress.failed:
                 raise SystemExit("; ".join(progress.failed))

@@ -81,6 +81,7 @@ def _several(pucks: int) -> Experiment:
         *(Variant(f"pca-{d}", f"PCA, {d}", {"descriptor": "pca", "components": d, **size}) for d in (2, 5, 10)),
     ]
     return Experiment(
+        name=f"pucks-{pucks}",
         task=f"air-hockey:pucks={pucks}",
         variants={variant.name: variant for variant in variants},
         measures=(Moved(), Ways("diversity", f"diversity of {STORED:,}", SQUARES, followed=False)),

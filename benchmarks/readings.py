@@ -94,7 +94,7 @@ def hockey(ledger: Ledger) -> None:
     for name, variant in AIR_HOCKEY.variants.items():
         found = repertoires(ledger, name).values()
         if found:
-            near = [near_a_wall(one.ground_truth, NEAR) for one in found]
+            near = [near_a_wall(one, NEAR) for one in found]
             drawn = [diversity(sample(one.observation), bins=20) for one in found if len(one) >= DRAWN]
             ends = f"{min(drawn):.0f} to {max(drawn):.0f}" if drawn else ""
             print(f"| {variant.title} | {len(found)} | {min(near):.1%} to {max(near):.1%} | {ends} |", flush=True)

@@ -86,6 +86,7 @@ def _seen(task: str, *measures: Any) -> Experiment:
         Variant("ae", "`AutoEncoder(2)`", {"descriptor": "autoencoder"}),
     ]
     return Experiment(
+        name=task,
         task=task,
         variants={variant.name: variant for variant in variants},
         measures=measures,

@@ -169,6 +169,19 @@ def far_outside(observations):
     return far
 
 
+def energy(genes, step=0.01):
+    """Of an arm whose joints turn at 0.3 / s times their distance to the target, for 5 s to each of two targets."""
+    total = 0.0
+    for first, second in zip(genes[:4], genes[4:], strict=True):
+        angle = 0.0
+        for target in ((2 * first - 1) * math.pi, (2 * second - 1) * math.pi):
+            for _ in range(round(5 / step)):
+                speed = 0.3 * (target - angle)
+                total += speed**2
+                angle += step * speed
+    return total
+
+
 def histograms(reference, compared, bins):
     """The share of each that is in the cells of the box of the reference, which are not empty."""
     lows = [min(p[j] for p in reference) for j in range(len(reference[0]))]

@@ -34,6 +34,19 @@ def test_shapes_and_ground_truth():
     assert_array_equal(observation, np.concatenate([task(part).observation for part in np.split(genotypes, 4)]))
 
 
+def test_energy_agrees_with_servos_stepped_one_by_one():
+    genotypes = np.concatenate([np.random.default_rng(0).random((20, 8)), np.full((1, 8), 0.5), np.zeros((1, 8)), np.eye(8)])
+    found = air_hockey.energy(genotypes)
+    assert_allclose(found, [naive.energy(genotype) for genotype in genotypes.tolist()], rtol=1e-2)  # who steps forward lags
+    assert found[20] == 0  # does not move
+    quiet, loud = auroraqd.tasks.AirHockey(), auroraqd.tasks.AirHockey(energy=True)
+    assert_array_equal(loud(genotypes).fitness, -found)
+    assert_array_equal(loud(genotypes).observation, quiet(genotypes).observation)
+    assert repr(loud) == "AirHockey(restitution_threshold=0.0, energy=True)"
+    with pytest.raises(ValueError, match="energy must be True or False"):
+        auroraqd.tasks.AirHockey(energy="yes")
+
+
 @pytest.mark.parametrize("threshold", [0.0, 1.0])
 def test_nothing_leaves_the_room(threshold):
     rng = np.random.default_rng(1)

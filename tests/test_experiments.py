@@ -23,11 +23,12 @@ from scipy.stats import mannwhitneyu, ranksums
 import auroraqd
 from auroraqd import _workers
 from auroraqd.experiments import replication, settings
+from auroraqd.experiments.catalogue import CLAIMS, EXPERIMENTS
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
 from auroraqd.experiments.runner import execute, plan
 from auroraqd.experiments.statistics import Effect, Quartiles, comparisons, holm, rank_sums, summaries
-from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS, Variant
+from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, Variant
 from auroraqd.report import write_report
 from auroraqd.runs import folders
 
@@ -223,11 +224,14 @@ def test_results_of_another_experiment_are_not_mixed(experiment):
         plan(Ledger(experiment), AIR_HOCKEY, ["hand-coded"], 1, AIR_HOCKEY.base(4, 40))
 
 
-@pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=lambda experiment: experiment.task)
+@pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=list(EXPERIMENTS))
 def test_experiments_hold_together(experiment):
     for name, variant in experiment.variants.items():
         assert variant.name == name
-        assert variant.of(experiment.base(), 3).task == experiment.task
+        made = variant.of(experiment.base(), 3)
+        assert made.task.partition(":")[0] == experiment.task.partition(":")[0]
+        assert (made.generations, made.batch_size) == (experiment.generations, experiment.batch_size)
+        assert settings.Settings.from_json(json.loads(json.dumps(made.as_json()))) == made
     names = [measure.name for measure in experiment.measures]
     assert len(set(names)) == len(names)
     assert not set(names) & {*Result._fields, *Point._fields}
@@ -588,10 +592,11 @@ def test_report_without_repertoires(experiment, tmp_path):
     assert names == {"summary.csv", "summary.md", "curves.png", "curves.svg"}
 
 
-def test_quickened_variants_build(tmp_path, monkeypatch):
+@pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=list(EXPERIMENTS))
+def test_quickened_variants_build(experiment, tmp_path, monkeypatch):
     monkeypatch.setenv("AURORAQD_CACHE", str(tmp_path))
-    for variant in BALLISTIC.quickened().variants.values():
-        _, aurora = variant.of(SMALL, 0).build()
+    for variant in experiment.quickened().variants.values():
+        _, aurora = variant.of(experiment.base(4, 40), 0).build()
         assert aurora.generation == 0
 
 
@@ -679,13 +684,13 @@ def test_command_with_results_of_other_settings(experiment):
 
 
 def test_the_paper_at_once(tmp_path):
-    """Both experiments, and one report."""
+    """All experiments, and one report."""
     small = ["--variants", "hand-coded", "--replications", 1, "--generations", 2, "--jobs", 1, "--out", tmp_path / "out"]
     done = commands.cli("reproduce", "paper", *small)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "2/2 hand-coded 0" in done.stdout
-    assert len(Ledger(tmp_path / "out" / "air-hockey").results) == len(Ledger(tmp_path / "out" / "ballistic").results) == 1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"ballistic", "air-hockey", *PAPER_FILES}
-    assert "Of 34 claims: 1 agree" in done.stdout  # the reference beside itself
+    assert "3/3 hand-coded 0" in done.stdout
+    assert [len(Ledger(tmp_path / "out" / name).results) for name in EXPERIMENTS] == [1, 1, 1]
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {*EXPERIMENTS, *PAPER_FILES}
+    assert f"Of {len(CLAIMS)} claims: 1 agree" in done.stdout  # the reference beside itself
     wrong = commands.cli("reproduce", "papers", "--out", tmp_path / "no")
-    assert "task must be one of ballistic, air-hockey, paper, got 'papers'" in " ".join(wrong.stderr.split())
+    assert "task must be one of ballistic, air-hockey, follow-up, paper, got 'papers'" in " ".join(wrong.stderr.split())

@@ -314,6 +314,8 @@ def calls(folder):
         "Size()": Call(lambda: auroraqd.Size(), {"descriptors": GOOD}),
         "Doubling": Call(lambda: auroraqd.Doubling, {}),
         "Doubling()": Call(lambda: auroraqd.Doubling(), {"generation": 1}),
+        "Widening": Call(lambda: auroraqd.Widening, {}),
+        "Widening()": Call(lambda: auroraqd.Widening(), {"generation": 1}),
         "Every": Call(lambda: auroraqd.Every, {"generations": 1}),
         "Every()": Call(lambda: auroraqd.Every(1), {"generation": 1}),
         "Never()": Call(lambda: auroraqd.Never(), {"generation": 1}),

@@ -15,7 +15,7 @@ from auroraqd.archives.unstructured import UnstructuredArchive
 from auroraqd.cli import app
 from auroraqd.cli._names import NAMES
 from auroraqd.experiments import settings
-from auroraqd.experiments.variants import EXPERIMENTS
+from auroraqd.experiments.catalogue import EXPERIMENTS
 
 COMMANDS = typer.main.get_command(app).commands
 

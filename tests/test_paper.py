@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auroraqd.experiments import claims
-from auroraqd.experiments.claims import CLAIMS, Evidence, Verdict, judge
+from auroraqd.experiments import follow_up, paper_claims
+from auroraqd.experiments.catalogue import CLAIMS, EXPERIMENTS
+from auroraqd.experiments.claims import Evidence, Verdict, judged
 from auroraqd.experiments.duration import TimeLeft
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result
 from auroraqd.experiments.runner import Status
-from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, EXPERIMENTS
+from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC
 from auroraqd.report import write_paper
 from auroraqd.report.documents import markdown
 from auroraqd.report.experiment import summary_markdown
@@ -41,7 +42,7 @@ def runs(variant, values, measure="klc", **others):
 
 def verdict(name, results=(), points=()):
     claim = next(claim for claim in CLAIMS if claim.name == name)
-    (found,) = (one for one in judge({claim.task: Evidence(results, points)}) if one.claim is claim)
+    (found,) = (one for one in judged(CLAIMS, {claim.experiment: Evidence(results, points)}) if one.claim is claim)
     return found
 
 
@@ -52,7 +53,7 @@ def around(middle, n=20, spread=0.01):
 def test_claims_are_of_variants_measures_and_sections_that_there_are():
     assert len({claim.name for claim in CLAIMS}) == len(CLAIMS)
     for claim in CLAIMS:
-        assert claim.task in EXPERIMENTS
+        assert claim.experiment in EXPERIMENTS
         assert claim.section
         assert claim.criterion
     medians = {c.name.removeprefix("klc-"): c.published for c in CLAIMS if c.text.startswith("Median KLC")}
@@ -60,8 +61,8 @@ def test_claims_are_of_variants_measures_and_sections_that_there_are():
 
 
 def test_without_results_nothing_is_known():
-    assert {one.verdict for one in judge({})} == {Verdict.UNKNOWN}
-    assert {one.verdict for one in judge({task: Evidence([]) for task in EXPERIMENTS})} == {Verdict.UNKNOWN}
+    assert {one.verdict for one in judged(CLAIMS, {})} == {Verdict.UNKNOWN}
+    assert {one.verdict for one in judged(CLAIMS, {task: Evidence([]) for task in EXPERIMENTS})} == {Verdict.UNKNOWN}
 
 
 def three(hand_coded, learned, measure):
@@ -70,7 +71,16 @@ def three(hand_coded, learned, measure):
 
 
 def regions(most, cvt):
-    return [r for name in claims._PAPER_1 for r in runs(name, [cvt if name == "cvt" else most], "reached")]
+    return [r for name in paper_claims.PAPER_1 for r in runs(name, [cvt if name == "cvt" else most], "reached")]
+
+
+def in_two_and_ten(*sizes):
+    names = ("csc-uniform-2", "csc-uniform", "vat-uniform-2", "vat-uniform")
+    return [r for name, size in zip(names, sizes, strict=True) for r in runs(name, [size], "size")]
+
+
+def published(name, n):
+    return runs(name, [1.0] * n, "coverage_40", generations=1000, batch_size=128)
 
 
 @pytest.mark.parametrize(
@@ -108,9 +118,22 @@ def regions(most, cvt):
         ("reached", regions(0.94, 0.1), False),
         ("reached", regions(0.95, 0.96), False),
         ("reached", regions(0.95, 0.1)[:-1], None),
-        ("protocol-2", [r for name in claims._PAPER_2 for r in runs(name, [1.0] * 20)], True),
-        ("protocol-2", [r for name in claims._PAPER_2 for r in runs(name, [1.0] * 20, generations=60)], False),
-        ("protocol-2", [r for name in claims._PAPER_2[1:] for r in runs(name, [1.0] * 20)], False),
+        ("sizes", [r for name in follow_up._CONTROLLED for r in runs(name, [9_100], "size")], True),
+        ("sizes", [r for name in follow_up._CONTROLLED for r in runs(name, [11_100], "size")], False),
+        ("sizes", runs("hand-coded", [9_100], "size"), None),
+        ("dimensions", in_two_and_ten(10_000, 9_000, 10_000, 4_000), True),
+        ("dimensions", in_two_and_ten(10_000, 9_000, 10_000, 9_000), False),
+        ("dimensions", in_two_and_ten(10_000, 5_000, 10_000, 4_000), False),
+        ("dimensions", in_two_and_ten(10_000, 9_000, 10_000, 4_000)[1:], None),
+        ("fitness-hand-coded", runs("hand-coded", [-130.0], "grid_fitness"), True),
+        ("fitness-hand-coded", runs("hand-coded", [-190.0], "grid_fitness"), True),
+        ("fitness-hand-coded", runs("hand-coded", [-200.0], "grid_fitness"), False),
+        ("fitness-hand-coded", runs("hand-coded", [-80.0], "grid_fitness"), False),
+        ("protocol-3", [r for name in EXPERIMENTS["follow-up"].variants for r in published(name, 10)], True),
+        ("protocol-3", [r for name in EXPERIMENTS["follow-up"].variants for r in published(name, 9)], False),
+        ("protocol-2", [r for name in paper_claims.PAPER_2 for r in runs(name, [1.0] * 20)], True),
+        ("protocol-2", [r for name in paper_claims.PAPER_2 for r in runs(name, [1.0] * 20, generations=60)], False),
+        ("protocol-2", [r for name in paper_claims.PAPER_2[1:] for r in runs(name, [1.0] * 20)], False),
     ],
 )
 def test_verdicts_follow_from_results(name, results, holds):
@@ -118,7 +141,7 @@ def test_verdicts_follow_from_results(name, results, holds):
 
 
 def test_an_order_with_several_needs_all_of_them():
-    good = [r for name in claims._AURORA_GOOD for r in runs(name, around(0.1))]
+    good = [r for name in paper_claims.AURORA_GOOD for r in runs(name, around(0.1))]
     assert verdict("klc-genotype-higher", good + runs("genotype", around(1))).verdict is Verdict.AGREES
     one_too_high = good[:40] + runs("ae-incremental", around(2)) + runs("genotype", around(1))
     assert verdict("klc-genotype-higher", one_too_high).verdict is Verdict.DIFFERS
@@ -146,6 +169,16 @@ def test_claims_about_curves():
     assert speed(pca_incremental=early, hand_coded=early).verdict is Verdict.UNKNOWN
 
 
+def test_claims_about_coverage_along_a_run():
+    def along(*values):
+        steps = zip((100, 200, 400, 1000), values, strict=False)
+        return [Point("random", i, g, 10, 0.1, 0.1, {"coverage_40": v}) for g, v in steps for i in range(3)]
+
+    assert verdict("coverage-random", points=along(0.66, 0.80, 0.86, 0.90)).verdict is Verdict.AGREES
+    assert verdict("coverage-random", points=along(0.66, 0.85, 0.86, 0.90)).verdict is Verdict.DIFFERS
+    assert verdict("coverage-random", points=along(0.66, 0.80, 0.86)).verdict is Verdict.UNKNOWN
+
+
 def test_what_is_known_is_said_of_claims_that_do_not_agree():
     assert "training" in verdict("klc-ae-pretrained", runs("ae-pretrained", [0.09])).why
     assert verdict("klc-ae-pretrained", runs("ae-pretrained", [0.5])).why == ""
@@ -161,7 +194,7 @@ def test_the_report_of_the_committed_results_is_up_to_date():
 @pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=list(EXPERIMENTS))
 def test_runs_can_be_added_to_the_committed_results(experiment):
     """Their settings are those of now, with what earlier versions did not write down."""
-    LEDGERS[experiment.task].check({name: variant.of(experiment.base(), 0) for name, variant in experiment.variants.items()})
+    LEDGERS[experiment.name].check({name: variant.of(experiment.base(), 0) for name, variant in experiment.variants.items()})
 
 
 def test_the_report_holds_all_that_it_shows(tmp_path):
@@ -171,7 +204,7 @@ def test_the_report_holds_all_that_it_shows(tmp_path):
     text, page, pdf = (path.read_bytes() for path in write_paper(short, tmp_path / "new"))
     assert re.findall(rb"(?:src|href)=.(?!data:)", page) == []
     images = re.findall(rb'src="data:image/png;base64,([^"]+)"', page)
-    assert len(images) == 3  # medians, and two of curves
+    assert len(images) == 1 + len(EXPERIMENTS)  # medians, and curves
     assert all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
     assert pdf.startswith(b"%PDF")
     for claim in CLAIMS:
@@ -182,14 +215,15 @@ def test_the_report_holds_all_that_it_shows(tmp_path):
 
 def test_a_report_of_one_experiment(tmp_path):
     text = markdown(paper_document({"ballistic": LEDGERS["ballistic"]}))
-    second = text[text.index("## Second scenario") :]
-    assert second.count("| cannot be known |") == sum(claim.task == "air-hockey" for claim in CLAIMS)
-    with pytest.raises(ValueError, match="ledgers must be of ballistic, air-hockey, got 'chess'"):
+    rest = text[text.index("## Second scenario") :]
+    assert rest.count("| cannot be known |") == sum(claim.experiment != "ballistic" for claim in CLAIMS)
+    with pytest.raises(ValueError, match="ledgers must be of ballistic, air-hockey, follow-up, got 'chess'"):
         write_paper({"chess": LEDGERS["ballistic"]}, tmp_path)
 
 
 def job(variant, replication, experiment=BALLISTIC, path=Path()):
-    return Job(variant, replication, experiment.variants[variant].of(experiment.base(), replication), path, None, ())
+    made = experiment.variants[variant].of(experiment.base(), replication)
+    return Job(variant, replication, made, path, None, (), experiment.name)
 
 
 def test_time_left(monkeypatch):

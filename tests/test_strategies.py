@@ -34,6 +34,7 @@ def test_values_not_objects():
         auroraqd.Gaussian,
         auroraqd.VAT,
         auroraqd.Doubling,
+        auroraqd.Widening,
         auroraqd.CSC,
     ):
         assert kind() == kind()
@@ -391,6 +392,9 @@ def test_fixed():
 def test_schedules():
     assert [g for g in range(5000) if auroraqd.Doubling()(g)] == [0, 50, 150, 350, 750, 1550, 3150]  # paper
     assert [g for g in range(30) if auroraqd.Doubling(first=2)(g)] == [0, 2, 6, 14]
+    widening = np.cumsum([0, *range(20, 1000, 10), *[1000] * 5])  # to the longest gap, and on with it
+    assert [g for g in range(widening[-1] + 1) if auroraqd.Widening()(g)] == widening.tolist()
+    assert [g for g in range(30) if auroraqd.Widening(5, 0)(g)] == [0, 5, 10, 15, 20, 25]
     assert [g for g in range(30) if auroraqd.Every(10)(g)] == [0, 10, 20]
     assert not any(auroraqd.Never()(g) for g in range(100))
 
@@ -410,6 +414,9 @@ def test_schedules():
         (lambda: auroraqd.Mixed("novelty"), "a must be callable"),
         (lambda: auroraqd.CSC(0), "target must be a whole number, 1 or more"),
         (lambda: auroraqd.Doubling(first=0), "first must"),
+        (lambda: auroraqd.Widening(first=0), "first must"),
+        (lambda: auroraqd.Widening(more=-1), "more must"),
+        (lambda: auroraqd.Widening(first=30, most=20), "most must be first or more, which is 30, got 20"),
         (lambda: auroraqd.Every(1.5), "generations must"),
     ],
 )

@@ -7,7 +7,7 @@ from .archives.grid import GridArchive
 from .archives.unstructured import UnstructuredArchive
 from .aurora import Aurora
 from .control.resolution import CSC, VAT, Fixed, Size
-from .control.schedule import Doubling, Every, Never
+from .control.schedule import Doubling, Every, Never, Widening
 from .descriptors.autoencoder import AutoEncoder
 from .descriptors.descriptor import DescriptorError
 from .descriptors.streams import Streams
@@ -52,6 +52,7 @@ __all__ = [
     "TaskError",
     "Uniform",
     "UnstructuredArchive",
+    "Widening",
     "archives",
     "callbacks",
     "emitters",

@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 NAMES = {
     "task": ("ballistic", "air-hockey", "air-hockey-camera", "maze", "hexapod"),
-    "experiment": ("ballistic", "air-hockey", "paper"),
+    "experiment": ("ballistic", "air-hockey", "follow-up", "paper"),
     "descriptor": ("pca", "autoencoder", "hand-coded", "genotype", "observation"),
     "emitter": ("genetic", "goals", "novelty-search", "nslc", "taxons"),
     "selection": ("curiosity", "uniform", "novelty", "surprise", "mixed"),
     "variation": ("polynomial", "gaussian", "iso-line"),
     "resolution": ("auto", "vat", "size", "fixed", "csc"),
-    "schedule": ("doubling", "every", "never"),
+    "schedule": ("doubling", "widening", "every", "never"),
     "archive": ("unstructured", "grid", "cvt", "cvt-prior", "dominated"),
     "competition": ("dominance", "elitist"),
 }

@@ -103,7 +103,7 @@ def run(
         str,
         typer.Option(
             autocompletion=completed("schedule"),
-            help="When the descriptor is refitted: doubling:first=50, every:generations=100 or never.",
+            help="When the descriptor is refitted: doubling:first=50, widening:first=20, every:generations=100 or never.",
         ),
     ] = "doubling",
     archive: Annotated[

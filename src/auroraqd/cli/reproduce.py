@@ -18,23 +18,31 @@ if TYPE_CHECKING:
     from auroraqd.experiments.replication import Job
     from auroraqd.experiments.variants import Experiment
 
-PAPER = "paper"  # both experiments
+PAPER = "paper"  # all experiments, and a report
 
 
 def reproduce(
     task: Annotated[
         str,
         typer.Argument(
-            autocompletion=completed("experiment"), help="Whose experiment: ballistic, air-hockey, or paper for both."
+            autocompletion=completed("experiment"),
+            help="Which experiment: ballistic or air-hockey, of the paper; follow-up, of Grillotti and Cully (2022); paper: "
+            "all three, and a report.",
         ),
     ],
-    replications: Annotated[int, typer.Option(help="Runs of each variant.")] = 20,
-    generations: Annotated[int, typer.Option(help="Generations of 200 evaluations a run.")] = 5000,
+    replications: Annotated[
+        int | None, typer.Option(help="Runs of each variant. [default: as published: 20, and 10 of the follow-up]")
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(help="Generations a run. [default: as published: 5,000 of 200, and 1,000 of 128]")
+    ] = None,
     variants: Annotated[
         str,
         typer.Option(
             help="Which, separated by commas: hand-coded, pca-incremental, ae-incremental, cvt, ae-isometric; of ballistic "
-            "also genotype, pca-pretrained, ae-pretrained, cvt-prior, ae-pretrained-split."
+            "also genotype, pca-pretrained, ae-pretrained, cvt-prior, ae-pretrained-split. Of the follow-up: hand-coded, "
+            "random, csc-uniform, csc-novelty, csc-surprise, csc-mixed, csc-curiosity, csc-uniform-2, vat-uniform, "
+            "vat-uniform-2, fixed-uniform, taxons, novelty-search."
         ),
     ] = "all",
     jobs: Annotated[int | None, typer.Option(help="Runs at once. [default: one a core]")] = None,
@@ -53,11 +61,11 @@ def reproduce(
     """Repeat an experiment of the paper: all variants, many times, with statistics and figures.
 
     Interrupt it and call it again: runs that are done are skipped, and those under way go on. "paper" repeats
-    both, and writes a report with each claim of the paper beside what came out.
+    both, and what its follow-up did on air hockey, and writes a report with each claim beside what came out.
 
     Example: auroraqd reproduce ballistic --quick
     """
-    from auroraqd.experiments.variants import EXPERIMENTS
+    from auroraqd.experiments.catalogue import EXPERIMENTS
 
     if task != PAPER and task not in EXPERIMENTS:
         raise UserError(f"task must be one of {', '.join(EXPERIMENTS)}, {PAPER}, got {task!r}")
@@ -68,7 +76,7 @@ def reproduce(
     if unknown:
         raise UserError(f"variants of {task} must be of {', '.join(known)}, got {', '.join(unknown)}")
     if quick:
-        replications, generations = min(replications, 2), min(generations, 60)
+        replications, generations = min(replications or 2, 2), min(generations or 60, 60)
         console.print(
             f"quick: {replications} replications of {generations} generations; no conclusions can be drawn", highlight=False
         )
@@ -76,7 +84,7 @@ def reproduce(
         if value is not None and value < 1:
             raise UserError(f"{name} must be 1 or more, got {value}")
     out = out or Path("runs") / f"reproduce-{task}{'-quick' * quick}"
-    wanted = {out / e.task if task == PAPER else out: (e, [name for name in e.variants if name in names]) for e in experiments}
+    wanted = {out / e.name if task == PAPER else out: (e, [name for name in e.variants if name in names]) for e in experiments}
     _reproduce(wanted, replications, generations, jobs, scheduler)
     if task == PAPER:
         _report_on_paper(out)
@@ -93,8 +101,8 @@ class _Part(NamedTuple):
 
 def _reproduce(
     wanted: "Mapping[Path, tuple[Experiment, Sequence[str]]]",
-    replications: int,
-    generations: int,
+    replications: int | None,
+    generations: int | None,
     workers: int | None,
     scheduler: str | None,
 ) -> None:
@@ -109,7 +117,8 @@ def _reproduce(
     parts = []
     for folder, (experiment, names) in wanted.items():
         ledger = Ledger(folder if cluster is None else folder.resolve())
-        parts.append(_Part(experiment, ledger, *plan(ledger, experiment, names, replications, experiment.base(generations))))
+        runs = replications or experiment.replications
+        parts.append(_Part(experiment, ledger, *plan(ledger, experiment, names, runs, experiment.base(generations))))
     for folder, part in zip(wanted, parts, strict=True):
         folder_at(folder)
         done = len(part.ledger.results)
@@ -142,11 +151,11 @@ def _execute(parts: "Sequence[_Part]", workers: int, cluster: Any) -> list[str]:
 
     jobs = [job for part in parts for job in part.jobs]
     _prepare(parts)
-    left = TimeLeft(jobs, workers, [(part.experiment.task, part.ledger.results) for part in parts])
+    left = TimeLeft(jobs, workers, [(part.experiment.name, part.ledger.results) for part in parts])
     with ExperimentProgress(console, len(jobs), left) as progress:
         for part in parts:
             if part.jobs:
-                progress.begin(part.experiment.task)
+                progress.begin(part.experiment.name)
                 execute(part.jobs, part.settings, part.ledger, workers, progress, cluster)
         return progress.failed
 
@@ -164,12 +173,12 @@ def _report(part: "_Part", folder: Path) -> None:
 
 def _report_on_paper(out: Path) -> None:
     """The claims, judged by all results in the folder."""
+    from auroraqd.experiments.catalogue import EXPERIMENTS
     from auroraqd.experiments.ledger import Ledger
-    from auroraqd.experiments.variants import EXPERIMENTS
     from auroraqd.report import write_paper
 
-    ledgers = {task: Ledger(out / task) for task in EXPERIMENTS}
-    files = write_paper({task: ledger for task, ledger in ledgers.items() if ledger.results}, out)
+    ledgers = {name: Ledger(out / name) for name in EXPERIMENTS}
+    files = write_paper({name: ledger for name, ledger in ledgers.items() if ledger.results}, out)
     console.print(next(line for line in files[0].read_text().splitlines() if line.startswith("Of ")), highlight=False)
     _print_paths(files)
 

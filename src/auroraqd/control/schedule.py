@@ -34,6 +34,44 @@ class Doubling:
 
 
 @dataclass(frozen=True)
+class Widening:
+    """Updates with gaps that grow by the same number of generations each, up to a largest [1].
+
+    [1] L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE TEVC 2022, where the
+    gaps are those of the defaults.
+
+    Args:
+        first: generations before the first update after generation 0.
+        more: by which each gap is longer than the one before.
+        most: the longest gap.
+
+    Examples:
+        >>> import auroraqd
+        >>> [generation for generation in range(200) if auroraqd.Widening()(generation)]
+        [0, 20, 50, 90, 140]
+    """
+
+    first: int = 20
+    more: int = 10
+    most: int = 1000
+
+    def __post_init__(self) -> None:
+        whole("first", self.first)
+        whole("more", self.more, least=0)
+        if whole("most", self.most) < self.first:
+            raise ValueError(f"most must be first or more, which is {self.first}, got {self.most}")
+
+    def __call__(self, generation: int) -> bool:
+        """Whether to update before this generation is added."""
+        left, gap = whole("generation", generation, least=0), self.first
+        while left > 0:
+            if gap == self.most or self.more == 0:
+                return left % gap == 0
+            left, gap = left - gap, min(gap + self.more, self.most)
+        return left == 0
+
+
+@dataclass(frozen=True)
 class Every:
     """Updates at regular gaps.
 

@@ -8,45 +8,45 @@ from auroraqd.experiments.replication import Job, Result
 from auroraqd.experiments.runner import Status
 
 _SOON = 0.02  # of a run, before its pace says something
-_Kind = tuple[str, str]  # task and variant
+_Kind = tuple[str, str]  # experiment and variant
 
 
 class TimeLeft:
     """An estimate: what is left of each run, over the workers, and no less than the longest.
 
     A run takes as long as others of its variant did; where none is done, as long as the pace of one under way says; where
-    there is none either, as long as the others of its task, or of all, do on average.
+    there is none either, as long as the others of its experiment, or of all, do on average.
 
     Args:
         jobs: to do.
         workers: runs at once.
-        done: the results there are, by task.
+        done: the results there are, by the name of the experiment.
     """
 
     def __init__(self, jobs: Sequence[Job], workers: int, done: Iterable[tuple[str, Sequence[Result]]] = ()):
-        self._waiting = {(job.settings.task, *job.run) for job in jobs}
+        self._waiting = {(job.experiment, *job.run) for job in jobs}
         self._workers = max(1, workers)
         self._known: dict[_Kind, list[float]] = {}
-        for task, results in done:
+        for experiment, results in done:
             for result in results:
-                self._known.setdefault((task, result.variant), []).append(result.seconds)
+                self._known.setdefault((experiment, result.variant), []).append(result.seconds)
         self._since: dict[tuple[str, str, int], float] = {}
         self._share: dict[tuple[str, str, int], float] = {}
 
-    def progress(self, task: str, status: Status) -> None:
+    def progress(self, experiment: str, status: Status) -> None:
         """A run has come this far."""
-        run = task, status.variant, status.replication
+        run = experiment, status.variant, status.replication
         self._since.setdefault(run, time.monotonic())
         self._share[run] = status.generation / status.generations
 
-    def finished(self, task: str, result: Result) -> None:
+    def finished(self, experiment: str, result: Result) -> None:
         """A run is done."""
-        self._known.setdefault((task, result.variant), []).append(result.seconds)
-        self.without(task, result.variant, result.replication)
+        self._known.setdefault((experiment, result.variant), []).append(result.seconds)
+        self.without(experiment, result.variant, result.replication)
 
-    def without(self, task: str, variant: str, replication: int) -> None:
+    def without(self, experiment: str, variant: str, replication: int) -> None:
         """A run will not be done, or is."""
-        run = task, variant, replication
+        run = experiment, variant, replication
         self._waiting.discard(run)
         self._since.pop(run, None)
         self._share.pop(run, None)
@@ -58,9 +58,9 @@ class TimeLeft:
             return None
         now, left = time.monotonic(), []
         for run in self._waiting:
-            task, variant, _ = run
-            same = [value for (of, _), value in kinds.items() if of == task]
-            whole = kinds.get((task, variant), fmean(same or kinds.values()))
+            experiment, variant, _ = run
+            same = [value for (of, _), value in kinds.items() if of == experiment]
+            whole = kinds.get((experiment, variant), fmean(same or kinds.values()))
             left.append(max(0.0, whole - (now - self._since.get(run, now))))
         return max(sum(left) / self._workers, max(left, default=0.0))
 

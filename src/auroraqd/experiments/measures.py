@@ -76,24 +76,24 @@ class Coverage:
 
 
 @dataclass(frozen=True)
-class Distribution:
-    """How individuals lie in ground-truth space; it needs no reference.
+class Own:
+    """A number of the individuals alone; it needs no reference.
 
     Args:
         name, title, form, followed, logarithmic: see `Measure`.
-        function: of their ground truth, (n, d).
+        function: of an archive or a repertoire.
     """
 
     name: str
     title: str
-    function: Callable[[np.ndarray], float]
+    function: Callable[[Any], float]
     form: str = "{:.1f}"
     followed: bool = False
     logarithmic: bool = False
 
     def look(self, individuals: Any) -> float:
         """The number itself."""
-        return self.function(individuals.ground_truth)
+        return self.function(individuals)
 
     def score(self, looked: float, reference: float) -> float:
         """See the class."""

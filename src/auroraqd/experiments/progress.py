@@ -26,7 +26,7 @@ class ExperimentProgress:
         self._console = console
         self._runs = runs
         self._left = left
-        self._task = ""
+        self._experiment = ""
         self._finished = 0
         self._failed: list[str] = []
         self._tasks: dict[tuple[str, int], TaskID] = {}
@@ -56,14 +56,14 @@ class ExperimentProgress:
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
-    def begin(self, task: str) -> None:
-        """What is told from now on is about the experiment on this task."""
-        self._task = task
+    def begin(self, experiment: str) -> None:
+        """What is told from now on is about this experiment."""
+        self._experiment = experiment
 
     def progress(self, status: Status) -> None:
         """A run has come this far."""
         run = status.variant, status.replication
-        self._left.progress(self._task, status)
+        self._left.progress(self._experiment, status)
         self._bar.update(self._all, state=self._time_left())
         self._latest[run] = status
         if run not in self._tasks:
@@ -80,7 +80,7 @@ class ExperimentProgress:
     def finished(self, result: Result) -> None:
         """A run is done."""
         self._finished += 1
-        self._left.finished(self._task, result)
+        self._left.finished(self._experiment, result)
         self._remove(result.variant, result.replication)
         rmse = "" if result.rmse != result.rmse else f", RMSE {result.rmse:.4f}"
         measures = "".join(f", {name} {value:.4g}" for name, value in list(result.measures.items())[:1])
@@ -91,7 +91,7 @@ class ExperimentProgress:
 
     def failed_run(self, job: Job, reason: str) -> None:
         """A run is given up."""
-        self._left.without(self._task, job.variant, job.replication)
+        self._left.without(self._experiment, job.variant, job.replication)
         self._remove(job.variant, job.replication)
         self._failed.append(f"{job.variant} {job.replication}: {reason}")
         self._line(f"given up: {self._failed[-1]}")

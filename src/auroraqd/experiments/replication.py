@@ -83,6 +83,7 @@ class Job(NamedTuple):
     folder: Path
     reference: Path | None  # the run folder of the reference of this replication; None: the run itself, or there is none
     measures: tuple[Measure, ...]
+    experiment: str = ""  # its name
 
     @property
     def run(self) -> tuple[str, int]:

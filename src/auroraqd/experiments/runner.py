@@ -79,7 +79,9 @@ def plan(
 
     def job(name: str, replication: int, reference: Path | None) -> Job:
         made = experiment.variants[name].of(base, replication)
-        return Job(name, replication, made, ledger.run_folder(name, replication), reference, experiment.measures)
+        return Job(
+            name, replication, made, ledger.run_folder(name, replication), reference, experiment.measures, experiment.name
+        )
 
     jobs = []
     for replication in range(replications):

@@ -171,7 +171,12 @@ STRATEGIES = {
         "fixed": resolution.Fixed,
         "csc": resolution.CSC,
     },
-    "schedule": {"doubling": schedule.Doubling, "every": schedule.Every, "never": schedule.Never},
+    "schedule": {
+        "doubling": schedule.Doubling,
+        "widening": schedule.Widening,
+        "every": schedule.Every,
+        "never": schedule.Never,
+    },
     "archive": {
         "unstructured": Unstructured,
         "grid": Grid,

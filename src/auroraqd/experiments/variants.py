@@ -1,7 +1,7 @@
 """The experiments of the paper as data: their compared variants (Secs. "First scenario", "Second scenario"), and ours."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from auroraqd import metrics
 from auroraqd.control.resolution import VAT
 from auroraqd.emitters.variation import Polynomial
-from auroraqd.experiments.measures import Coverage, Distribution, Diversity, Measure
+from auroraqd.experiments.measures import Coverage, Diversity, Measure, Own
 from auroraqd.experiments.settings import CVT, CVTPrior, Settings
 from auroraqd.tasks import air_hockey
 
@@ -41,38 +41,49 @@ class Variant:
         return replace(base, seed=seed, **self.settings)
 
 
+def _of_the_paper() -> dict[str, Any]:
+    """The paper's variation and updates, which set aside and refuse nothing."""
+    return {
+        "variation": Polynomial(at_least_one=False),
+        "resolution": VAT(robust=False),
+        "survival": 0.0,
+        "robust": False,
+    }
+
+
 @dataclass(frozen=True)
 class Experiment:
     """Variants on a task, and what they are judged by.
 
     Args:
-        task: a name of `auroraqd.experiments.settings.TASKS`.
+        name: short, for folders and the command line.
+        task: as in `auroraqd.experiments.settings.Settings`.
         variants: by name, in the order of tables.
         measures: the one that the paper compares by first.
         reference: the variant whose final repertoire is the reference of the others of the same replication; None: the measures
             need none.
         tested: what variants are compared by in rank-sum tests.
         truth: what the ground truth of the task is.
+        generations, batch_size, replications: as they were published.
+        common: settings of all variants.
     """
 
+    name: str
     task: str
     variants: Mapping[str, Variant]
     measures: tuple[Measure, ...]
     reference: str | None
     tested: tuple[str, ...]
     truth: str
+    generations: int = 5000
+    batch_size: int = 200
+    replications: int = 20
+    common: Mapping[str, Any] = field(default_factory=_of_the_paper)
 
-    def base(self, generations: int = 5000, batch_size: int = 200) -> Settings:
-        """What the variants have in common: the paper's budget, variation and updates, which set aside and refuse nothing."""
-        return Settings(
-            task=self.task,
-            generations=generations,
-            batch_size=batch_size,
-            variation=Polynomial(at_least_one=False),
-            resolution=VAT(robust=False),
-            survival=0.0,
-            robust=False,
-        )
+    def base(self, generations: int | None = None, batch_size: int | None = None) -> Settings:
+        """What the variants have in common; None: as it was published."""
+        budget = {"generations": generations or self.generations, "batch_size": batch_size or self.batch_size}
+        return Settings(task=self.task, **budget, **self.common)
 
     def quickened(self) -> "Experiment":
         """The same in little time: auto-encoders hardly trained, few centroids. To see it work, not to draw conclusions."""
@@ -82,7 +93,7 @@ class Experiment:
 def _quickened(variant: Variant) -> Variant:
     settings = dict(variant.settings)
     if "autoencoder" in settings["descriptor"]:
-        settings["descriptor"] = settings["descriptor"].replace("min_steps=0", "min_steps=200") + ",repeats=2,max_epochs=4"
+        settings["descriptor"] = settings["descriptor"].replace(",min_steps=0", "") + ",min_steps=200,repeats=2,max_epochs=4"
     if isinstance(settings.get("archive"), CVT):
         settings["archive"] = CVT(cells=2_000, samples=4_000)
     return replace(variant, settings=settings)
@@ -92,9 +103,15 @@ def _named(*variants: Variant) -> dict[str, Variant]:
     return {variant.name: variant for variant in variants}
 
 
-def near_a_wall(position: np.ndarray, within: float = 0.1) -> float:
-    """The share of pucks, (n, 2) in metres, that lie within some metres of where they touch a wall."""
-    return float((np.abs(position) > air_hockey.WALL - air_hockey.PUCK - within).any(axis=1).mean())
+def evenness(individuals: Any, bins: int = 20) -> float:
+    """How evenly pucks end in the squares of the room: see `auroraqd.metrics.effective_cells`."""
+    return metrics.effective_cells(individuals.ground_truth, bins)
+
+
+def near_a_wall(individuals: Any, within: float = 0.1) -> float:
+    """The share of pucks that end within some metres of where they touch a wall."""
+    reach = air_hockey.WALL - air_hockey.PUCK - within
+    return float((np.abs(individuals.ground_truth) > reach).any(axis=1).mean())
 
 
 _HAND_CODED = Variant("hand-coded", "Hand-coded", {"descriptor": "hand-coded"})
@@ -104,6 +121,7 @@ _AE_ISOMETRIC = Variant("ae-isometric", "AURORA-AE isometric incremental", {"des
 _CVT = Variant("cvt", "CVT-MAP-Elites without prior", {"descriptor": "observation", "archive": CVT(cells=100_000)})
 
 BALLISTIC = Experiment(
+    name="ballistic",
     task="ballistic",
     variants=_named(
         replace(_HAND_CODED, paper=0.0),
@@ -145,18 +163,17 @@ BALLISTIC = Experiment(
 trained without."""
 
 AIR_HOCKEY = Experiment(
+    name="air-hockey",
     task="air-hockey",
     variants=_named(_HAND_CODED, _PCA, _AE, _CVT, _AE_ISOMETRIC),
     measures=(
         Diversity("diversity", "diversity, 10 x 10", bins=10),
         Diversity("diversity_20", "diversity, 20 x 20", bins=20),
-        Distribution("even", "effective squares, 20 x 20", partial(metrics.effective_cells, bins=20)),
-        Distribution("walls", "near a wall", near_a_wall, form="{:.3f}"),
+        Own("even", "effective squares, 20 x 20", evenness),
+        Own("walls", "near a wall", near_a_wall, form="{:.3f}"),
     ),
     reference=None,
     tested=("diversity", "diversity_20", "rmse_metres", "even", "walls"),
     truth="final position",
 )
 """The paper's four, of which the hand-coded descriptor is the final position of the puck; then ours."""
-
-EXPERIMENTS = {experiment.task: experiment for experiment in (BALLISTIC, AIR_HOCKEY)}

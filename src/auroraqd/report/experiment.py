@@ -152,7 +152,8 @@ def _cell(form: str, q: Quartiles) -> str:
 
 def curves_figure(points: Sequence[Point], experiment: Experiment) -> Figure:
     """What was followed over generations: the median of the replications as a line, the quartiles as a band."""
-    colors = dict(zip(experiment.variants, mpl.colormaps["tab10"].colors, strict=False))  # pyright: ignore[reportAttributeAccessIssue]
+    palette = mpl.colormaps["tab10" if len(experiment.variants) <= 10 else "tab20"]
+    colors = {name: palette(i % palette.N) for i, name in enumerate(experiment.variants)}
     followed = [measure for measure in experiment.measures if measure.followed]
     logarithmic = {measure.name for measure in followed if measure.logarithmic}
     titles = {"size": "repertoire size", **{m.name: m.title for m in followed}, "rmse": "reconstruction RMSE, [-1, 1] scale"}

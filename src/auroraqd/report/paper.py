@@ -1,6 +1,6 @@
-"""The paper beside what came out: every claim with its verdict, the tables and figures of both experiments, in one report.
+"""The paper and its follow-up beside what came out: every claim with its verdict, tables and figures, in one report.
 
-Made from the files of the ledgers only; nothing in it is written by hand but what the paper says.
+Made from the files of the ledgers only; nothing in it is written by hand but what the papers say.
 """
 
 from collections import Counter
@@ -13,39 +13,45 @@ from matplotlib.figure import Figure
 
 from auroraqd._checks import instance
 from auroraqd._files import as_path, folder_at, replacing
-from auroraqd.experiments.claims import Evidence, Judged, Verdict, judge
+from auroraqd.experiments.catalogue import CLAIMS, EXPERIMENTS
+from auroraqd.experiments.claims import Evidence, Judged, Verdict, judged
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.measures import Diversity
 from auroraqd.experiments.statistics import Quartiles, comparisons, values_of
-from auroraqd.experiments.variants import EXPERIMENTS, Experiment
+from auroraqd.experiments.variants import Experiment
 from auroraqd.report.diversity import diversity_figure
 from auroraqd.report.documents import Document, Heading, Picture, Table, Text, markdown, page, write_pdf
 from auroraqd.report.experiment import curves_figure, effect_text, first_repertoires, pair_table, summary_table, titles_of
 from auroraqd.report.panels import panel_figure
 from auroraqd.report.style import STYLE
 
-_TITLES = {"ballistic": "First scenario: ballistic task", "air-hockey": "Second scenario: air hockey"}
+_TITLES = {
+    "ballistic": "First scenario: ballistic task",
+    "air-hockey": "Second scenario: air hockey",
+    "follow-up": "The follow-up: air hockey with fitness",
+}
 _VERBS = {Verdict.AGREES: "agree", Verdict.DIFFERS: "differ", Verdict.UNKNOWN: "cannot be known"}
 _CLAIM_WIDTHS = (0.18, 0.10, 0.08, 0.16, 0.23, 0.1, 0.15)
 
 
 def write_paper(ledgers: Mapping[str, Ledger], folder: str | Path) -> list[Path]:
-    """Write `paper.md`, `paper.html` and `paper.pdf`: the paper's claims, tables and figures beside ours.
+    """Write `paper.md`, `paper.html` and `paper.pdf`: claims, tables and figures of the paper and its follow-up beside ours.
 
     The page holds its figures; the PDF too. The Markdown has the tables alone.
 
     Args:
-        ledgers: of the experiments, by task: "ballistic", "air-hockey"; claims about one that is missing cannot be known.
+        ledgers: of the experiments, by name: "ballistic", "air-hockey", "follow-up"; claims about one that is missing cannot be
+            known.
         folder: where to write them.
 
     Returns:
         The files.
     """
-    ledgers = instance("ledgers", ledgers, Mapping, "a dictionary of ledgers by task")
-    for task, ledger in ledgers.items():
-        if task not in EXPERIMENTS:
-            raise ValueError(f"ledgers must be of {', '.join(EXPERIMENTS)}, got {task!r}")
-        instance(f"ledgers[{task!r}]", ledger, Ledger, "a ledger of an experiment")
+    ledgers = instance("ledgers", ledgers, Mapping, "a dictionary of ledgers by experiment")
+    for name, ledger in ledgers.items():
+        if name not in EXPERIMENTS:
+            raise ValueError(f"ledgers must be of {', '.join(EXPERIMENTS)}, got {name!r}")
+        instance(f"ledgers[{name!r}]", ledger, Ledger, "a ledger of an experiment")
     folder = folder_at(as_path("folder", folder))
     document = paper_document(ledgers)
     files = [folder / f"paper.{suffix}" for suffix in ("md", "html", "pdf")]
@@ -58,33 +64,37 @@ def write_paper(ledgers: Mapping[str, Ledger], folder: str | Path) -> list[Path]
 
 def paper_document(ledgers: Mapping[str, Ledger]) -> Document:
     """The report as data."""
-    judged = judge({task: Evidence(ledger.results, ledger.points) for task, ledger in ledgers.items()})
-    counts = Counter(one.verdict for one in judged)
-    tally = ", ".join(f"{counts[verdict]} {verb}" for verdict, verb in _VERBS.items())
+    found = judged(CLAIMS, {name: Evidence(ledger.results, ledger.points) for name, ledger in ledgers.items()})
     blocks: list[Heading | Text | Table | Picture] = [
         Heading("The paper beside these results", 1),
         Text(
-            "A. Cully, Autonomous skill discovery with Quality-Diversity and Unsupervised Descriptors, GECCO 2019. Each "
-            "claim of the paper about its results is judged by code, by a criterion that is the same for all claims of a "
+            "A. Cully, Autonomous skill discovery with Quality-Diversity and Unsupervised Descriptors, GECCO 2019; and its "
+            "follow-up, L. Grillotti, A. Cully, Unsupervised Behaviour Discovery with Quality-Diversity Optimisation, IEEE "
+            "TEVC 2022. Each claim about their results is judged by code, by a criterion that is the same for all claims of a "
             "kind. Results here are medians over replications. A is the probability that a run of the first variant has "
             "the larger value, with its 95% interval (Vargha and Delaney; Newcombe); p is of the two-sided rank-sum test,"
             " after Holm's correction for all pairs of variants in the same measure."
         ),
-        Text(f"Of {len(judged)} claims: {tally}."),
+        Text(f"Of {len(found)} claims: {_tally(found)}."),
     ]
-    for task, experiment in EXPERIMENTS.items():
-        own = [one for one in judged if one.claim.task == task]
-        blocks += [Heading(_TITLES[task]), Heading("Claims", 3), _claims(own)]
-        if task in ledgers and ledgers[task].results:
-            blocks += _results(ledgers[task], experiment)
+    for name, experiment in EXPERIMENTS.items():
+        own = [one for one in found if one.claim.experiment == name]
+        blocks += [Heading(_TITLES[name]), Text(f"{len(own)} claims: {_tally(own)}."), Heading("Claims", 3), _claims(own)]
+        if name in ledgers and ledgers[name].results:
+            blocks += _results(ledgers[name], experiment)
     return blocks
 
 
-def _claims(judged: Sequence[Judged]) -> Table:
+def _tally(found: Sequence[Judged]) -> str:
+    counts = Counter(one.verdict for one in found)
+    return ", ".join(f"{counts[verdict]} {verb}" for verdict, verb in _VERBS.items())
+
+
+def _claims(found: Sequence[Judged]) -> Table:
     header = ("the paper says", "where", "published", "agrees if", "here", "verdict", "what is known")
     rows = [
         (c.text, c.section, c.published, c.criterion, one.ours, one.verdict.value, one.why)
-        for one, c in ((one, one.claim) for one in judged)
+        for one, c in ((one, one.claim) for one in found)
     ]
     return Table(header, rows, _CLAIM_WIDTHS)
 

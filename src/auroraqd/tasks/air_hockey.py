@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auroraqd import tasks
-from auroraqd._checks import number, numbers, whole
+from auroraqd._checks import flag, number, numbers, whole
 from auroraqd._compiled import compiled
 
 STEPS = 50
@@ -41,6 +41,7 @@ _NEAR = 1e-6  # m, a gap at which an unmoved puck counts as touched
 _STILL = 1e-12  # m/s, what is slower rests: a puck that rubs on another in a corner never has a speed of 0
 _CREEP = 2e-3  # m, how far bodies that touch may move towards each other at once
 _INTERVAL = PHASE / STEPS
+_STEP = 0.01  # s, of the simulation whose steps `energy` is summed over
 _LIMIT = WALL - PUCK  # of the middle of the puck
 _BODIES = JOINTS + 1  # links, and the tip
 _STATE = 6  # of a puck: x, y, their speeds, spin, and the gap to the arm
@@ -54,7 +55,7 @@ class AirHockey:
     the arm moves 5 s towards the first targets; the puck is placed at rest at (0.55, 0.5); the arm moves 5 s towards the
     final targets. Called with genotypes, (n, 8) in [0, 1], it returns an `Evaluation`:
 
-    - fitness (n,): 0, as in the paper;
+    - fitness (n,): 0, as in the paper, or minus the `energy` of the movements;
     - observation (n, 50, 2): x and y of the puck every 0.1 s, in metres, from the middle of a room of 1.98 x 1.98 m;
     - ground_truth (n, 2): the last of them.
 
@@ -62,10 +63,11 @@ class AirHockey:
     the first.
 
     Args:
-        restitution_threshold: m/s, an impact that is not faster does not bounce. 0: the puck always bounces, as in the paper;
-            1: as in the code of the follow-up, where most pucks stick to what they hit.
+        restitution_threshold: m/s, an impact that is not faster does not bounce. 0: the puck always bounces, as in the paper
+            and in the follow-up; 1: Box2D's own, with which most pucks stick to what they hit.
         pucks: 1, as in the paper, or 2 or 3, which hit each other too. The second is placed at (0.35, 0.65), the third at
             (0.7, 0.3).
+        energy: whether fitness is minus the `energy` of the movements, as in the follow-up.
 
     Raises:
         ValueError: genotypes has the wrong shape, or leaves [0, 1]; an argument is out of range.
@@ -79,13 +81,16 @@ class AirHockey:
 
     restitution_threshold: float = 0.0
     pucks: int = 1
+    energy: bool = False
 
     def __post_init__(self) -> None:
         number("restitution_threshold", self.restitution_threshold)
         whole("pucks", self.pucks, most=len(PLACES))
+        flag("energy", self.energy)
 
     def __repr__(self) -> str:
-        more = f", pucks={self.pucks}" * (self.pucks > 1)  # as earlier versions have it, to whom runs of one puck are the same
+        # As earlier versions have it, to whom runs without these are the same.
+        more = f", pucks={self.pucks}" * (self.pucks > 1) + ", energy=True" * self.energy
         return f"{type(self).__name__}(restitution_threshold={self.restitution_threshold!r}{more})"
 
     @property
@@ -104,7 +109,8 @@ class AirHockey:
         paths = np.empty((self.pucks, len(genotypes), STEPS, 2))
         _push(start, change, float(self.restitution_threshold), paths)
         observation = paths[0] if self.pucks == 1 else dict(zip(NAMES, paths, strict=False))
-        return tasks.Evaluation(np.zeros(len(genotypes)), observation, np.concatenate(paths[:, :, -1], axis=1))
+        fitness = -energy(genotypes) if self.energy else np.zeros(len(genotypes))
+        return tasks.Evaluation(fitness, observation, np.concatenate(paths[:, :, -1], axis=1))
 
     def bounds(self) -> np.ndarray:
         """(2, 50, 2): the lowest and the highest x and y, in metres, at every step: the middle of the puck in the room.
@@ -122,6 +128,17 @@ def movement(genotypes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     targets = (2 * genotypes - 1) * np.pi
     start = (1 - math.exp(-RATE * PHASE)) * targets[:, :JOINTS]
     return start, targets[:, JOINTS:] - start
+
+
+def energy(genotypes: np.ndarray) -> np.ndarray:
+    """(n, 8) to (n,): the squared speeds of the joints in (rad/s)^2, summed over joints and the 1,000 steps of both movements.
+
+    A joint's speed is 0.3 / s times its distance to the target, which falls to its exp(-0.003) in each step of 10 ms.
+    """
+    first = (2 * genotypes[:, :JOINTS] - 1) * np.pi
+    _, second = movement(genotypes)
+    steps = np.exp(-2 * RATE * np.arange(0, PHASE, _STEP)).sum()
+    return RATE**2 * steps * ((first**2).sum(axis=1) + (second**2).sum(axis=1))
 
 
 def joints(genotypes: np.ndarray, steps: int = STEPS) -> np.ndarray:
