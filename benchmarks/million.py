@@ -27,7 +27,7 @@ from auroraqd.report.style import STYLE, save_figure
 
 EVALUATIONS, BATCH, CELLS = 10**8, 2_000, 5e6
 TASK = auroraqd.tasks.Ballistic()
-GOALS = 2_000
+GOALS, METRES = 2_000, 1_000.0  # in a unit of the ground truth
 ROWS, RUN = "million.csv", "run"
 
 
@@ -91,7 +91,7 @@ def grown(folder: Path, evaluations: int) -> list[Mark]:
             resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             written,
             sum(path.stat().st_size for path in (folder / RUN).rglob("*") if path.is_file()) / 1e6,
-            float(np.median(cKDTree(aurora.archive.ground_truth).query(wanted)[0])),
+            METRES * float(np.median(cKDTree(aurora.archive.ground_truth).query(wanted)[0])),
         )
         found[mark.evaluations] = mark
         write_rows(rows, Mark, sorted(found.values()))

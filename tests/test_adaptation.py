@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import multivariate_normal
 from sklearn.decomposition import PCA
 
 import auroraqd
@@ -155,6 +156,56 @@ def test_each_outcome_is_predicted_as_if_it_were_alone():
     assert_allclose(expected**2, (x - 0.5) ** 2 + (y + 1) ** 2 + dx**2 + dy**2)
 
 
+def test_several_promises_are_weighed_as_the_textbook_says():
+    rng = np.random.default_rng(0)
+    space, promises = rng.normal(size=(40, 3)), rng.normal(size=(4, 40))
+    adaptation = Adaptation(space, promises, length=0.5, scale=2.0, noise=0.1)
+    assert_allclose(adaptation.posterior, 0.25)
+    rows, told = [3, 17, 30], promises[2, [3, 17, 30]] + 0.3
+    for row, value in zip(rows, told, strict=True):
+        adaptation.tell(row, value)
+    x = space / space.std(axis=0) / np.sqrt(3)
+    inside = matern(x[rows], x[rows], 0.5) + 0.01 * np.eye(3)
+    across = matern(x, x[rows], 0.5)
+    likelihood = [multivariate_normal(promise[rows], 4 * inside).pdf(told) for promise in promises]
+    expected = np.array(likelihood) / sum(likelihood)
+    assert_allclose(adaptation.posterior, expected, atol=1e-9)
+    means = np.array([promise + across @ np.linalg.solve(inside, told - promise[rows]) for promise in promises])
+    variance = 4 * (1 - np.einsum("ij,ij->i", across, np.linalg.solve(inside, across.T).T))
+    mean, deviation = adaptation.predict()
+    assert_allclose(mean, expected @ means, atol=1e-9)
+    assert_allclose(deviation**2, variance + expected @ (means - expected @ means) ** 2, atol=1e-7)
+
+
+@pytest.mark.parametrize("goal", [None, (0.5, -1.0)])
+def test_copies_of_a_promise_are_one(goal):
+    rng = np.random.default_rng(1)
+    space, promise = rng.normal(size=(30, 2)), rng.normal(size=(30,) if goal is None else (30, 2))
+    one, copies = Adaptation(space, promise, goal), Adaptation(space, [promise] * 3, goal)
+    for _ in range(5):
+        row, told = one.ask(), rng.normal(size=np.shape(promise)[1:])
+        assert copies.ask() == row
+        for adaptation in (one, copies):
+            adaptation.tell(row, told)
+        assert_allclose(one.predict(), copies.predict(), atol=1e-9)
+    assert_allclose(copies.posterior, 1 / 3)
+    assert_array_equal(one.posterior, [1])
+
+
+def test_the_robot_that_it_is_is_found():
+    """Four robots for which another place is good; this one is like the third."""
+    space = grid()
+    places = np.array([[0.2, 0.2], [0.2, 0.8], [0.8, 0.2], [0.8, 0.8]])
+    promises = -np.linalg.norm(space - places[:, None], axis=2)
+    adaptation = Adaptation(space, promises, scale=0.1)
+    for _ in range(3):
+        row = adaptation.ask()
+        adaptation.tell(row, -np.linalg.norm(space[row] - (0.78, 0.22)))
+    assert adaptation.posterior[2] > 0.95
+    assert adaptation.best is not None
+    assert adaptation.best.performance > -0.1
+
+
 def test_a_repertoire_is_adapted():
     task = auroraqd.tasks.Ballistic()
     repertoire = auroraqd.Aurora(2, PCA(2), seed=0).run(task, generations=5).archive
@@ -175,9 +226,16 @@ def test_a_repertoire_is_adapted():
     [
         ({"space": np.zeros(3)}, "space must have shape"),
         ({"space": np.zeros((0, 2))}, "space must have shape"),
-        ({"promise": np.zeros(2)}, r"promise must have shape \(3,\), got \(2,\)"),
-        ({"promise": np.zeros((3, 2))}, r"promise must have shape \(3,\), got \(3, 2\)"),
-        ({"goal": (0, 0)}, r"promise must have shape \(3, m\), for there is a goal, got \(3,\)"),
+        ({"promise": np.zeros(2)}, r"promise must have shape \(3,\) or \(priors, 3\), got \(2,\)"),
+        ({"promise": np.zeros((3, 2))}, r"promise must have shape \(3,\) or \(priors, 3\), got \(3, 2\)"),
+        ({"promise": np.zeros((2, 3, 1))}, r"promise must have shape \(3,\) or \(priors, 3\), got \(2, 3, 1\)"),
+        ({"promise": 0.0}, r"promise must have shape \(3,\) or \(priors, 3\), got \(\)"),
+        ({"promise": np.zeros((0, 3))}, r"promise must have entries, got shape \(0, 3\)"),
+        ({"promise": np.zeros((3, 0)), "goal": ()}, r"promise must have entries, got shape \(3, 0\)"),
+        (
+            {"goal": (0, 0)},
+            r"promise must have shape \(3, m\) or \(priors, 3, m\), for there is a goal, got \(3,\)",
+        ),
         ({"promise": np.zeros((3, 2)), "goal": (0, 0, 0)}, "goal must be 2 finite numbers"),
         ({"promise": np.zeros((3, 2)), "goal": (0, np.nan)}, "goal must be 2 finite numbers"),
         ({"promise": [0, 1, np.nan]}, "must be finite"),
@@ -228,6 +286,8 @@ def test_numbers_of_any_size_that_is_allowed_neither_overflow_nor_vanish(size):
     for adaptation in (
         Adaptation(promise, promise, goal=promise[0]),
         Adaptation(promise, promise, goal=promise[0], scale=1e-50),
+        Adaptation(promise, [promise, promise[::-1]], goal=promise[0]),
+        Adaptation(promise, [promise, promise[::-1]], goal=promise[0], scale=1e-50),
     ):
         for outcome in ((1e50, -1e50), (0, 0), (-1e50, size)):
             adaptation.tell(adaptation.ask(), outcome)

@@ -6,7 +6,12 @@ promises as its mean learns from each trial how far promises hold for skills tha
 try is the one with the highest upper confidence bound. Given a goal, it learns more than how good a trial was: where outcomes
 have moved to, so that a skill that was made for another goal can be the one for this goal.
 
+There may be several promises for each skill, one for each robot that this one may be: whole, without a leg, on a slope. Trials
+tell which of them are likely [2], and what is expected is the mean over them, weighed by that.
+
 [1] A. Cully, J. Clune, D. Tarapore, J.-B. Mouret, Robots that can adapt like animals, Nature 521, 2015.
+[2] R. Pautrat, K. Chatzilygeroudis, J.-B. Mouret, Bayesian Optimization with Automatic Prior Selection for Data-Efficient
+Direct Policy Search, ICRA 2018, which takes the likelihood times the expected improvement; here it is a mean over the priors.
 """
 
 from __future__ import annotations
@@ -42,13 +47,13 @@ class Adaptation:
             descriptor does not tell how a skill works, `numpy.hstack([descriptor, genotype])`. Columns are scaled to a spread
             of 1.
         promise: what each skill does according to the repertoire: (n,) its performance, larger is better; or, with a goal,
-            (n, m) its outcome, a place or whatever numbers have a distance.
+            (n, m) its outcome, a place or whatever numbers have a distance. Several, stacked: (priors, n), or (priors, n, m).
         goal: (m,), the outcome that is wanted: performance is minus the distance to it. None: the promise is performance.
         kappa: how much uncertain skills are favoured: the bound is the expected performance plus kappa standard deviations,
             of the performance or of the outcome.
         length: of the kernel, root mean square over the columns of the scaled space.
         scale: how far promises may fail, in their units, (m,) or one for all. By default the spread of the promises: a promise
-            that fails says nothing.
+            that fails says nothing. With several promises: how far the nearest of them may fail.
         noise: of a trial, as a share of the scale.
 
     Raises:
@@ -80,22 +85,18 @@ class Adaptation:
         space, promise = numbers("space", space, " of shape (n, d)"), numbers("promise", promise)
         if space.ndim != 2 or space.size == 0:
             raise ValueError(f"space must have shape (n, d), with at least one skill, got {space.shape}")
-        if promise.ndim > 1 and promise.shape[1] == 0:
-            raise ValueError(f"promise must have entries, got shape {promise.shape}")
-        if promise.ndim != (1 if goal is None else 2) or len(promise) != len(space):
-            wanted = f"({len(space)},)" if goal is None else f"({len(space)}, m), for there is a goal"
-            raise ValueError(f"promise must have shape {wanted}, got {promise.shape}")
+        promise = _stacked(promise, len(space), with_goal=goal is not None)
         self._goal = None if goal is None else numbers("goal", goal)
-        if self._goal is not None and (self._goal.shape != promise.shape[1:] or not np.isfinite(self._goal).all()):
-            raise ValueError(f"goal must be {promise.shape[1]} finite numbers, as an outcome, got {shown(goal)}")
+        if self._goal is not None and (self._goal.shape != promise.shape[2:] or not np.isfinite(self._goal).all()):
+            raise ValueError(f"goal must be {promise.shape[2]} finite numbers, as an outcome, got {shown(goal)}")
         for name, values in (("space", space), ("promise", promise), ("goal", self._goal)):
             if values is not None and not (np.abs(values) <= _MOST).all():
                 worst = values[~(np.abs(values) <= _MOST)][0]
                 raise ValueError(f"{name} must be finite, and at most {_MOST:g} in size, got {worst:g}")
         self._kappa = number("kappa", kappa, most=_MOST, wanted=f"from 0 to {_MOST:g}")
         self._space = space / (_spread(space) * np.sqrt(space.shape[1]))
-        self._promise = promise.reshape(len(space), -1)
-        spread = _spread(self._promise)
+        self._promise = promise
+        spread = _spread(promise.reshape(-1, promise.shape[2]))
         self._scale = spread if scale is None else numbers("scale", scale)
         if self._scale.shape not in ((), spread.shape) or not ((self._scale >= 1 / _MOST) & (self._scale <= _MOST)).all():
             wanted = f"one positive number, or {len(spread)}, from {1 / _MOST:g} to {_MOST:g}"
@@ -108,6 +109,7 @@ class Adaptation:
         self._rows: list[int] = []
         self._outcomes: list[np.ndarray] = []
         self._tried = np.zeros(len(space), bool)
+        self._posterior = np.full(len(promise), 1 / len(promise))
         self._belief: tuple[np.ndarray, np.ndarray] | None = None
 
     def __repr__(self) -> str:
@@ -136,7 +138,7 @@ class Adaptation:
             ValueError: there is no such row, or the outcome has the wrong shape, or entries beyond 1e50 in size.
         """
         row = whole("row", row, least=0, most=len(self._tried) - 1)
-        columns = self._promise.shape[1]
+        columns = self._promise.shape[2]
         wanted = "a number" if self._goal is None else f"{columns} numbers, as promised"
         wanted = f"outcome must be {wanted}, finite and at most {_MOST:g} in size, or NaN for a trial that failed, got"
         try:
@@ -161,6 +163,12 @@ class Adaptation:
         return Best(self._rows[int(values.argmax())], float(values.max()))
 
     @property
+    def posterior(self) -> np.ndarray:
+        """(priors,) how likely each of the promises is after the trials so far; all were as likely before. One: 1."""
+        self._believed()
+        return self._posterior.copy()
+
+    @property
     def expected(self) -> float:
         """The highest performance expected of a skill that was not tried, -inf if there is none.
 
@@ -183,23 +191,51 @@ class Adaptation:
         return self._belief
 
     def _predicted(self) -> tuple[np.ndarray, np.ndarray]:
-        moved, share = np.zeros_like(self._promise), np.ones((len(self._promise), 1))
+        moved, share = np.zeros_like(self._promise), np.ones((self._promise.shape[1], 1))
         if self._rows:
-            self._model.fit(self._space[self._rows], (np.array(self._outcomes) - self._promise[self._rows]) / self._scale)
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "Predicted variances smaller than 0")  # of rounding, at what was tried
-                mean, deviation = self._model.predict(self._space, return_std=True)
-            moved = np.reshape(mean, moved.shape)
-            share = np.reshape(deviation, moved.shape)[:, :1]  # of all columns it is the same
-        outcome, deviation = self._promise + self._scale * moved, self._scale * share
-        deviation = np.sqrt((deviation**2).sum(axis=1))
+            moved, share = self._displaced()
+        outcome = self._promise + self._scale * moved  # (priors, n, m), if the prior is this one
+        mean = np.tensordot(self._posterior, outcome, axes=1)
+        apart = np.tensordot(self._posterior, ((outcome - mean) ** 2).sum(axis=2), axes=1)  # what the priors disagree on
+        deviation = np.sqrt(((self._scale * share) ** 2).sum(axis=1) + apart)
         if self._goal is None:
-            return outcome[:, 0], deviation
-        return -np.hypot(np.linalg.norm(outcome - self._goal, axis=1), deviation), deviation
+            return mean[:, 0], deviation
+        return -np.hypot(np.linalg.norm(mean - self._goal, axis=1), deviation), deviation
+
+    def _displaced(self) -> tuple[np.ndarray, np.ndarray]:
+        """By how much each promise fails, (priors, n, m) in scales, and the deviation, (n, 1), which is the same of all.
+
+        One model for all: they differ in what was promised, not in what was tried. How likely each promise makes the trials
+        is the marginal likelihood, of which all but the squares is the same.
+        """
+        priors, n, columns = self._promise.shape
+        failed = (np.array(self._outcomes) - self._promise[:, self._rows]) / self._scale  # (priors, trials, m)
+        told = failed.transpose(1, 0, 2).reshape(len(self._rows), -1)
+        self._model.fit(self._space[self._rows], told)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Predicted variances smaller than 0")  # of rounding, at what was tried
+            mean, deviation = self._model.predict(self._space, return_std=True)
+        squares = (told * self._model.alpha_.reshape(told.shape)).reshape(-1, priors, columns).sum(axis=(0, 2))
+        likelihood = np.exp((squares.min() - squares) / 2)
+        self._posterior = likelihood / likelihood.sum()
+        moved = np.reshape(mean, (n, priors, columns)).transpose(1, 0, 2)
+        return moved, np.reshape(deviation, (n, -1))[:, :1]
 
     def _value(self, outcomes: np.ndarray) -> np.ndarray:
         """Performance of outcomes, (k, m) to (k,)."""
         return outcomes[:, 0] if self._goal is None else -np.linalg.norm(outcomes - self._goal, axis=1)
+
+
+def _stacked(promise: np.ndarray, n: int, *, with_goal: bool) -> np.ndarray:
+    """Promises for n skills, (priors, n, m): of one there need be no first axis, of performance no last."""
+    found = promise if with_goal else promise[..., None]
+    found = found if found.ndim == 3 else found[None]
+    if found.ndim != 3 or found.shape[1] != n:
+        wanted = f"({n}, m) or (priors, {n}, m), for there is a goal" if with_goal else f"({n},) or (priors, {n})"
+        raise ValueError(f"promise must have shape {wanted}, got {promise.shape}")
+    if found.size == 0:
+        raise ValueError(f"promise must have entries, got shape {promise.shape}")
+    return found
 
 
 def _spread(rows: np.ndarray) -> np.ndarray:
