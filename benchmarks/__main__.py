@@ -2,6 +2,9 @@
 
 What is found, not how fast, is measured by commands of their own: `adaptation.py`, `ant.py`, `comparison.py`, `hexapod.py`,
 `readings.py`, `sphere.py`.
+
+    python benchmarks
+    python benchmarks --quick    # to see it work: no conclusions can be drawn
 """
 
 import argparse
@@ -14,11 +17,13 @@ import peers
 import robots
 import speed
 
-argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
-speed.main()
-hockey.main()
-endurance.main()
-learned.main()
-cells.main()
-robots.main()
-peers.main()
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("--quick", action="store_true", help="as that of each of them")
+quick = parser.parse_args().quick
+speed.main(quick)
+hockey.main(quick)
+endurance.main(quick)
+learned.main(quick)
+cells.main(quick)
+robots.main(quick)
+peers.main(quick)

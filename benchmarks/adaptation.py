@@ -2,6 +2,7 @@
 
     python benchmarks/adaptation.py                              # some minutes; the figure is runs/damage/damage.png
     python benchmarks/adaptation.py --restitution-threshold 0    # with pucks that bounce at any speed
+    python benchmarks/adaptation.py --quick                      # to see it work: seconds; no conclusions can be drawn
 
 The robot, its damage and the trials are those of examples/damage.py. Distances are those of the best trial so far. Tests are
 Wilcoxon signed-rank tests, two-sided, over the goals.
@@ -28,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
 from damage import TRIALS, away, by_chance, discovered, tried, without_joint
 
 FOLDER = Path("runs/damage")
+QUICK = {"goals": 2, "generations": 20, "folder": FOLDER / "quick"}
 LOOKS = (5, 10, 20)  # trials after which distances are compared
 NEAR = 0.1  # m
 IN_ORDER = "best promises in order"
@@ -231,14 +233,16 @@ def draw_room(axes, case: Case, repertoire) -> None:
     axes.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2)
 
 
-def main(goals: int = 30, generations: int = 1000, restitution_threshold: float = 1, seed: int = 1) -> None:
-    arm, repertoire = discovered(generations, restitution_threshold, FOLDER, seed)
+def main(
+    goals: int = 30, generations: int = 1000, restitution_threshold: float = 1, seed: int = 1, folder: Path = FOLDER
+) -> None:
+    arm, repertoire = discovered(generations, restitution_threshold, folder, seed)
     number = goals * air_hockey.JOINTS
     print(f"### An arm that lost a joint: {len(repertoire):,} skills, {number} goals, distance in metres, median (quartiles)\n")
     seen, distances = compare(arm, repertoire, goals)
     table(distances)
     tests(distances)
-    draw(seen, distances, repertoire, FOLDER / "damage.png")
+    draw(seen, distances, repertoire, folder / "damage.png")
     print(f"\n### Which change does it: {number} other goals, medians; after {TRIALS} trials beside {IN_ORDER}\n", flush=True)
     ablation(ablate(arm, repertoire, goals))
     print("\n### By how much the displacements of two skills differ, metres, median\n")
@@ -251,4 +255,6 @@ if __name__ == "__main__":
     parser.add_argument("--generations", type=int, default=1000, help="of the repertoire")
     parser.add_argument("--restitution-threshold", type=float, default=1, help="m/s, slower impacts do not bounce")
     parser.add_argument("--seed", type=int, default=1, help="of the repertoire")
-    main(**vars(parser.parse_args()))
+    parser.add_argument("--quick", action="store_true", help="2 goals, 20 generations, into runs/damage/quick")
+    options = vars(parser.parse_args())
+    main(**options | (QUICK if options.pop("quick") else {}))

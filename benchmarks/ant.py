@@ -2,6 +2,7 @@
 
     pip install ".[robots]"
     python benchmarks/ant.py --seeds 5 --out results/ant
+    python benchmarks/ant.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 Ant-v5 of Gymnasium, moved for five seconds by sinusoids. AURORA sees where the torso is at twenty moments and learns two
 numbers from that by PCA; the hand-coded descriptor is where it ends. The area covered is that of the squares, half a metre
@@ -87,22 +88,22 @@ def point_of(robot: Comparison, variant: str, seed: int, evaluations: int, found
     return Point(variant, seed, evaluations, {**values, "size": len(found.ground_truth)})
 
 
-def at_random(robot: Comparison, seed: int, generations: int) -> tuple[list[Point], Any]:
+def at_random(robot: Comparison, seed: int, generations: int, batch: int) -> tuple[list[Point], Any]:
     """Random controllers: the points, and the evaluations of all that are valid."""
     rng, points, found = np.random.default_rng(seed), [], None
     for generation in range(1, generations + 1):
-        more = robot.task(rng.random((BATCH, robot.n_genes)))
+        more = robot.task(rng.random((batch, robot.n_genes)))
         valid = np.isfinite(more.fitness)
         more = auroraqd.tasks.Evaluation(*(column[valid] for column in more))
         found = more if found is None else auroraqd.tasks.Evaluation(*map(np.concatenate, zip(found, more, strict=True)))
-        points.append(point_of(robot, RANDOM, seed, generation * BATCH, found))
+        points.append(point_of(robot, RANDOM, seed, generation * batch, found))
     return points, found
 
 
-def one_run(robot: Comparison, variant: str, seed: int, generations: int, folder: Path) -> list[Point]:
+def one_run(robot: Comparison, variant: str, seed: int, generations: int, batch: int, folder: Path) -> list[Point]:
     """One run of a variant; where its individuals end is kept in the folder."""
     if variant == RANDOM:
-        points, found = at_random(robot, seed, generations)
+        points, found = at_random(robot, seed, generations, batch)
         ends = found.ground_truth
     else:
         points = []
@@ -110,7 +111,7 @@ def one_run(robot: Comparison, variant: str, seed: int, generations: int, folder
             robot.n_genes,
             robot.learned if variant == AURORA else "hand-coded",
             seed=seed,
-            batch_size=BATCH,
+            batch_size=batch,
             **robot.options,
         )
 
@@ -190,7 +191,7 @@ def report(points: list[Point], measures: dict[str, Measure]) -> None:
             print(f"| {variant} | {values} | {np.median(sizes):,.0f} | {p_value} |")
 
 
-def compare(robot: Comparison, table: Path, seeds: int, generations: int) -> None:
+def compare(robot: Comparison, table: Path, seeds: int, generations: int, batch: int) -> None:
     """All variants that are not in the table yet, and then what came out, with a figure of the table's name."""
     runs = table.parent / "runs"
     runs.mkdir(parents=True, exist_ok=True)
@@ -198,7 +199,7 @@ def compare(robot: Comparison, table: Path, seeds: int, generations: int) -> Non
     for seed in range(seeds):
         for variant in COLORS:
             if not any((p.variant, p.seed) == (variant, seed) for p in points):
-                points += one_run(robot, variant, seed, generations, runs)
+                points += one_run(robot, variant, seed, generations, batch, runs)
                 write(table, points)
                 print(f"{variant}, seed {seed}: {points[-1].found}", flush=True)
     report(points, robot.measures)
@@ -212,16 +213,17 @@ def options_of(description: str, seeds: int, generations: int, out: str) -> argp
     parser.add_argument("--seeds", type=int, default=seeds)
     parser.add_argument("--generations", type=int, default=generations, help=f"of {BATCH} evaluations")
     parser.add_argument("--out", type=Path, default=Path(out))
-    parser.add_argument("--quick", action="store_true", help="one seed, four generations, into OUT/quick: to see it work")
+    parser.add_argument("--quick", action="store_true", help="one seed, two generations of ten, into OUT/quick")
     options = parser.parse_args()
+    options.batch = BATCH
     if options.quick:
-        options.seeds, options.generations, options.out = 1, 4, options.out / "quick"
+        options.seeds, options.generations, options.batch, options.out = 1, 2, 10, options.out / "quick"
     return options
 
 
 def main() -> None:
     options = options_of(str(__doc__), 5, 100, "results/ant")
-    compare(ant(), options.out / "areas.csv", options.seeds, options.generations)
+    compare(ant(), options.out / "areas.csv", options.seeds, options.generations, options.batch)
 
 
 if __name__ == "__main__":

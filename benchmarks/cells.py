@@ -1,12 +1,14 @@
 """How fast descriptors are assigned to the cells of CVT-MAP-Elites, as the paper's variants have them.
 
     python benchmarks/cells.py      # ten minutes the first time, in which 100,000 centroids are found; then one
+    python benchmarks/cells.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 Each batch of 200 offspring of a run is assigned twice: as `CVTArchive` does it, and by the product of all with all in single
 precision, exact differences deciding among the cells that it leaves, as was done before. The answers are compared. Milliseconds
 are of the processor, on one core, and medians over generations 20 to 60 of each run.
 """
 
+import argparse
 import time
 
 import numpy as np
@@ -45,9 +47,9 @@ class AllWithAll:
         return found
 
 
-def compared(experiment, name):
+def compared(experiment, name, generations):
     """Milliseconds a batch of both, of one run."""
-    task, aurora = experiment.variants[name].of(experiment.base(generations=60), 0).build()
+    task, aurora = experiment.variants[name].of(experiment.base(generations=generations), 0).build()
     archive, times = aurora.archive, []
     before, now = AllWithAll(archive.tessellation.centroids), archive._cells
 
@@ -60,17 +62,20 @@ def compared(experiment, name):
         return cells
 
     archive._cells = both
-    aurora.run(task, generations=60)
-    return archive.n_cells, 1e3 * np.median(times[20:], axis=0)
+    aurora.run(task, generations=generations)
+    return archive.n_cells, 1e3 * np.median(times[generations // 3 :], axis=0)
 
 
-def main():
+def main(quick=False):
+    generations = 6 if quick else 60
     print("### 200 offspring to the cells of a CVT archive in 100 dimensions, milliseconds of one core (medians)\n")
     print("| variant | cells | all with all, as before | now |\n|---|---|---|---|")
     for experiment, name in ((BALLISTIC, "cvt"), (AIR_HOCKEY, "cvt"), (BALLISTIC, "cvt-prior")):
-        cells, (after, before) = compared(experiment, name)
+        cells, (after, before) = compared(experiment.quickened() if quick else experiment, name, generations)
         print(f"| {experiment.task}, {name} | {cells:,} | {before:.1f} | {after:.1f} |", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="2,000 centroids, 6 generations")
+    main(parser.parse_args().quick)

@@ -2,7 +2,7 @@
 
     pip install "auroraqd[ribs]"
     python benchmarks/comparison.py              # hours of one core; into runs/comparison
-    python benchmarks/comparison.py --quick      # to see it work: some minutes; no conclusions can be drawn
+    python benchmarks/comparison.py --quick      # to see it work: seconds; no conclusions can be drawn
     python benchmarks/comparison.py --out results --page docs/comparison.md     # what that page shows, from what is in results
 
 On the ballistic task and on air hockey, each algorithm with the library's defaults, but that those that take a number of
@@ -15,6 +15,7 @@ that they compare whatever else the machine does.
 
 import argparse
 import itertools
+import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -167,7 +168,20 @@ class Budget(NamedTuple):
     iterations: int = ITERATIONS
 
 
-QUICK = Budget(2, 20, 40, 1, 1, 1, 20)
+QUICK = Budget(1, 3, 5, 1, 1, 1, 3)
+BRIEF = "min_steps=10,max_epochs=1,repeats=1"  # training of auto-encoders, to see it work
+
+
+def quickened(experiments: Mapping[Any, Experiment]) -> dict[Any, Experiment]:
+    """The same with auto-encoders that are hardly trained."""
+    return {key: replace(e, variants={n: _quickened(v) for n, v in e.variants.items()}) for key, e in experiments.items()}
+
+
+def _quickened(variant: Variant) -> Variant:
+    kind, _, parameters = variant.settings["descriptor"].partition(":")
+    if kind != "autoencoder":
+        return variant
+    return replace(variant, settings={**variant.settings, "descriptor": f"{kind}:{parameters and parameters + ','}{BRIEF}"})
 
 
 class Speed(NamedTuple):
@@ -359,9 +373,9 @@ def _arrival(points: Sequence[tuple[int, int]], target: int) -> str:
     return f"{after[0]:,}" if after else "never"
 
 
-def grow_all(out: Path, budget: Budget, jobs: int) -> None:
+def grow_all(out: Path, algorithms: Mapping[str, Experiment], budget: Budget, jobs: int) -> None:
     """All that is missing."""
-    for task, experiment in ALGORITHMS.items():
+    for task, experiment in algorithms.items():
         seeds = dict.fromkeys(experiment.variants, budget.seeds)
         grown(experiment, out / f"algorithms-{task}", seeds, budget.generations, jobs)
         speeds(out / f"algorithms-{task}" / SPEED, experiment, budget.rounds, budget.generations)
@@ -394,27 +408,39 @@ def filled(page: str, tables: Mapping[str, str]) -> str:
     return page
 
 
+def page_of(options: argparse.Namespace, out: Path) -> Path | None:
+    """What is to be filled: the page; with --quick a copy below the quick results, so the page keeps its numbers."""
+    if options.page is None or not options.quick:
+        return options.page
+    return Path(shutil.copy(options.page, folder_at(out / options.page.parent.name)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("runs/comparison"), help="where results are, and more are added")
     parser.add_argument("--seeds", type=int, default=Budget().seeds, help="of each algorithm")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once, of all but the sphere")
-    parser.add_argument("--quick", action="store_true", help="into OUT/quick")
+    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
     parser.add_argument("--page", type=Path, help="whose tables and figures are replaced by those that come out")
     options = parser.parse_args()
-    budget, out = (QUICK, options.out / "quick") if options.quick else (Budget(options.seeds), options.out)
-    grow_all(out, budget, options.jobs)
+    if options.quick:
+        out = options.out / "quick"
+        grow_all(out, quickened(ALGORITHMS), QUICK, jobs=1)
+    else:
+        out = options.out
+        grow_all(out, ALGORITHMS, Budget(options.seeds), options.jobs)
     tables, figures = report(out)
     for name, table in tables.items():
         print(f"### {name}\n\n{table}")
-    shown = out if options.page is None else options.page.parent
+    page = page_of(options, out)
+    shown = out if page is None else page.parent
     for name, figure in figures.items():
         png, svg = save_figure(figure, folder_at(shown / "figures"), name)
         print(png)
-        if options.page is not None:  # which shows the other
+        if page is not None:  # which shows the other
             svg.unlink()
-    if options.page is not None:
-        options.page.write_text(filled(options.page.read_text(), tables))
+    if page is not None:
+        page.write_text(filled(page.read_text(), tables))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 """What distances between observations are worth: straight, blurred, and along paths over the graph of neighbours.
 
     python benchmarks/distances.py          # some minutes of one core
+    python benchmarks/distances.py --quick  # to see it work: seconds; no conclusions can be drawn
 
 Pictures are those of `pixels.py`: a disc, 32 x 32 x 1. A distance is worth its rank correlation with how far the discs are
 apart; those of throws and of pucks, with how far apart they have their top, and end. Places are spread evenly, or as those of
 random genes, most of which leave the disc near the middle: what a run begins with.
 """
 
+import argparse
 import time
 from collections.abc import Callable, Mapping
 
@@ -52,18 +54,18 @@ def worth(place: np.ndarray, coordinates: np.ndarray) -> float:
     return float(spearmanr(pdist(place[:JUDGED]), pdist(coordinates[:JUDGED]))[0])
 
 
-def by_rows() -> None:
+def by_rows(most: int) -> None:
     """How many pictures a graph needs, from even places, and from those of random genes."""
     print(f"| places | pictures | {' | '.join(METRICS)} |\n|---|---|{'---|' * len(METRICS)}")
     for bent in (False, True):
-        for n in ROWS:
+        for n in (n for n in ROWS if n <= most):
             place, x = discs(n, bent)
             found = [worth(place, metric(x, Scaling.pixels(x))) for metric in METRICS.values()]
             name = "of random genes" if bent else "even"
             print(f"| {name} | {n:,} | {' | '.join(f'{value:.2f}' for value in found)} |", flush=True)
 
 
-def by_noise(n: int = 1_000) -> None:
+def by_noise(n: int) -> None:
     """What noise of each pixel does."""
     print(f"\n| noise, of 255 | {' | '.join(METRICS)} |\n|---|{'---|' * len(METRICS)}")
     for noise in NOISE:
@@ -72,7 +74,7 @@ def by_noise(n: int = 1_000) -> None:
         print(f"| {noise} | {' | '.join(f'{value:.2f}' for value in found)} |", flush=True)
 
 
-def by_graph(n: int = 3_000) -> None:
+def by_graph(n: int) -> None:
     """Neighbours and landmarks, of paths over blurred pictures."""
     place, x = discs(n)
     blurred = multiscale(x, Scaling.pixels(x))
@@ -86,7 +88,7 @@ def by_graph(n: int = 3_000) -> None:
         print(f"| {k} | {' | '.join(f'{value:.3f}' for value in found)} | {seconds[0]:.1f} to {seconds[-1]:.1f} |", flush=True)
 
 
-def by_task(generations: int = 300, n: int = 3_000) -> None:
+def by_task(generations: int, n: int) -> None:
     """Trajectories of the paper's tasks, of repertoires that are spread evenly over the ground truth."""
     print("\n| task | trajectories | straight | paths |\n|---|---|---|---|")
     for task in (auroraqd.tasks.Ballistic(), auroraqd.tasks.AirHockey()):
@@ -99,7 +101,10 @@ def by_task(generations: int = 300, n: int = 3_000) -> None:
 
 
 if __name__ == "__main__":
-    by_rows()
-    by_noise()
-    by_graph()
-    by_task()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="100 pictures, of 10 generations")
+    quick = parser.parse_args().quick
+    by_rows(most=100 if quick else 3_000)
+    by_noise(100 if quick else 1_000)
+    by_graph(100 if quick else 3_000)
+    by_task(10 if quick else 300, 100 if quick else 3_000)

@@ -2,6 +2,7 @@
 
 python benchmarks/endurance.py            # checkpoints, and evaluations over two processes
 python benchmarks/endurance.py --kill 20  # a run of paper size, killed 20 times, beside one left alone: ten minutes
+python benchmarks/endurance.py --quick    # to see it work: seconds; no conclusions can be drawn
 """
 
 import argparse
@@ -21,6 +22,7 @@ import auroraqd
 from auroraqd.runs import folders
 
 MILLISECONDS = 5
+GENERATIONS = 5000
 
 
 def simulated(genotypes):
@@ -32,9 +34,9 @@ def simulated(genotypes):
     return np.zeros(len(genotypes)), np.cumsum(genotypes, axis=1)[..., None]
 
 
-def checkpoints():
-    """Writing one at the end of runs of paper size, and their share of a run."""
-    print("### Checkpoints of runs of paper size, PCA\n")
+def checkpoints(generations):
+    """Writing one at the end of runs, and their share of a run."""
+    print(f"### Checkpoints of runs of {generations:,} generations, PCA\n")
     print("| task | stored | MB | seconds for one (median of 9) | resuming | run, s | with checkpoints, s | share of them |")
     print("|---|---|---|---|---|---|---|---|")
     for task in (auroraqd.tasks.Ballistic(), auroraqd.tasks.AirHockey()):
@@ -44,7 +46,7 @@ def checkpoints():
 
         fresh().run(task, generations=60)
         since = time.perf_counter()
-        fresh().run(task, generations=5000)
+        fresh().run(task, generations=generations)
         alone = time.perf_counter() - since
         with tempfile.TemporaryDirectory() as folder:
             aurora, spent, write = fresh(), [], folders.write
@@ -57,7 +59,7 @@ def checkpoints():
             folders.write = timed
             since = time.perf_counter()
             with auroraqd.Checkpoints(aurora, folder) as saved:
-                aurora.run(task, generations=5000, callback=saved)
+                aurora.run(task, generations=generations, callback=saved)
             total = time.perf_counter() - since
             share = sum(spent) / total
             spent.clear()
@@ -75,7 +77,7 @@ def checkpoints():
         )
 
 
-def workers(batches=10):
+def workers(batches):
     """Batches of 200 of a task of 5 ms an evaluation."""
     print(f"\n### A task of {MILLISECONDS} ms an evaluation, {batches} batches of 200\n")
     print("| workers | seconds a batch (median) | efficiency |\n|---|---|---|")
@@ -93,16 +95,16 @@ def workers(batches=10):
         print(f"| {number} | {median:.3f} | {100 * ideal / number / median:.0f}% |", flush=True)
 
 
-def killed(times):
-    """A run of paper size killed at random moments, resumed each time, beside one left alone."""
+def killed(times, generations):
+    """A run killed at random moments, resumed each time, beside one left alone."""
     command = [sys.executable, "-m", "auroraqd"]
     rng = random.Random(0)
     with tempfile.TemporaryDirectory() as folder:
         alone, ended = Path(folder) / "alone", Path(folder) / "killed"
         options = ["--no-figures", "--checkpoint-every", "1"]
-        run = ["run", "air-hockey", "--generations", "5000", *options, "--out"]
+        run = ["run", "air-hockey", "--generations", str(generations), *options, "--out"]
         subprocess.run([*command, *run, alone], check=True, stdout=subprocess.DEVNULL)
-        print(f"### A run of paper size on the air-hockey task, killed {times} times\n")
+        print(f"### A run of {generations:,} generations on the air-hockey task, killed {times} times\n")
         generation = 0
         for kill in range(times):
             arguments = [*run, ended] if kill == 0 else ["resume", ended, *options]
@@ -113,7 +115,7 @@ def killed(times):
             if (ended / folders.REPERTOIRE).is_file():
                 generation = auroraqd.resume(ended).generation
             print(f"killed, {generation} generations are kept", flush=True)
-        if generation < 5000:
+        if generation < generations:
             subprocess.run([*command, "resume", ended, *options], check=True, stdout=subprocess.DEVNULL)
         same = (alone / folders.REPERTOIRE).read_bytes() == (ended / folders.REPERTOIRE).read_bytes()
         history = [[record[:-1] for record in folders.load_history(path)] for path in (alone, ended)]
@@ -125,13 +127,17 @@ def killed(times):
         print(f"the same config: {configs[0] == configs[1]}")
 
 
-def main():
-    checkpoints()
-    workers()
+def main(quick=False):
+    checkpoints(50 if quick else GENERATIONS)
+    workers(batches=1 if quick else 10)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kill", type=int, metavar="TIMES")
+    parser.add_argument("--quick", action="store_true", help="runs of 50 generations, killed once")
     given = parser.parse_args()
-    main() if given.kill is None else killed(given.kill)
+    if given.kill is None:
+        main(given.quick)
+    else:
+        killed(1 if given.quick else given.kill, 50 if given.quick else GENERATIONS)

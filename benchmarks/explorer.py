@@ -1,6 +1,9 @@
 """The explorer in Chromium: 20,000 skills of 100 numbers (or --skills of them), the size of the file, the first paint, when all
 points are drawn, and how soon pointing answers.
 
+    python benchmarks/explorer.py
+    python benchmarks/explorer.py --quick    # to see it work: seconds; no conclusions can be drawn
+
 Needs the extra `test`, and Chromium with chromedriver, of Debian's packages `chromium` and `chromium-driver` for instance. What
 it says depends on whether the machine has a GPU, and on what else it does. Pointing is measured from the time of the browser's
 own pointer event: until the panel has changed, and until the frame after that is drawn. Beside what the clock says there is
@@ -21,7 +24,8 @@ from sklearn.decomposition import PCA
 import auroraqd
 
 STEPS = 50
-POINTED = 60
+OPENED, POINTED = 5, 60  # times
+BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of the auto-encoder, to see it work
 COLUMNS = "descriptor", "load", "written, s", "MB", "first paint, ms", "all drawn, ms"
 COLUMNS += "pointing: panel changed, ms (95%)", "drawn, ms (95%)", "computed, ms"
 LISTEN = """window.times = []; let since = 0;
@@ -93,11 +97,11 @@ def computed(driver):
     return 1000 * next(metric["value"] for metric in metrics if metric["name"] == "TaskDuration")
 
 
-def pointing(driver):
+def pointing(driver, times):
     """(n, 2) milliseconds from a pointer event until the panel has changed, and until it is drawn."""
     driver.execute_script(LISTEN)
     plot = driver.find_element("css selector", ".map .plot").rect
-    for number in range(POINTED):
+    for number in range(times):
         place = {"x": plot["x"] + 100 + (number * 37) % 300, "y": plot["y"] + 60 + (number * 53) % 250}
         driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", **place})
         time.sleep(0.2)
@@ -107,21 +111,24 @@ def pointing(driver):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--skills", type=int, default=20_000)
-    n = parser.parse_args().skills
+    parser.add_argument("--quick", action="store_true", help="200 skills, opened once, pointed at twice")
+    options = parser.parse_args()
+    n, opened, pointed = (200, 1, 2) if options.quick else (options.skills, OPENED, POINTED)
+    training = BRIEF if options.quick else {}
     print(f"### The explorer, {n:,} skills of {2 * STEPS} numbers, in Chromium\n")
     print(f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
     driver = browser()
     try:
         with tempfile.TemporaryDirectory() as folder:
-            for transformer in (PCA(n_components=2), auroraqd.AutoEncoder(n_components=2)):
+            for transformer in (PCA(n_components=2), auroraqd.AutoEncoder(n_components=2, **training)):
                 skills, path = repertoire(transformer, n), Path(folder) / "skills.html"
                 since = time.perf_counter()
                 auroraqd.report.explore(skills, path)
                 written = time.perf_counter() - since
-                paint, drawn = np.nanmedian([ready(driver, path) for _ in range(5)], axis=0)
+                paint, drawn = np.nanmedian([ready(driver, path) for _ in range(opened)], axis=0)
                 driver.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
                 began = computed(driver)
-                (panel, answer), late = np.median(times := pointing(driver), axis=0), np.quantile(times, 0.95, axis=0)
+                (panel, answer), late = np.median(times := pointing(driver, pointed), axis=0), np.quantile(times, 0.95, axis=0)
                 cells = [type(transformer).__name__, f"{os.getloadavg()[0]:.1f}", f"{written:.1f}"]
                 cells += [
                     f"{path.stat().st_size / 1e6:.1f}",
@@ -129,7 +136,7 @@ def main():
                     f"{drawn:.0f}",
                 ]
                 cells += [f"{panel:.0f} ({late[0]:.0f})", f"{answer:.0f} ({late[1]:.0f})"]
-                print(f"| {' | '.join([*cells, f'{(computed(driver) - began) / POINTED:.0f}'])} |", flush=True)
+                print(f"| {' | '.join([*cells, f'{(computed(driver) - began) / pointed:.0f}'])} |", flush=True)
     finally:
         driver.quit()
 

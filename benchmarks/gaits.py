@@ -3,6 +3,7 @@
     python benchmarks/gaits.py                       # all encoders, 5,000 gaits
     python benchmarks/gaits.py --only mlp recurrent --rows 1000 --components 3
     python benchmarks/gaits.py --run                 # whole runs: what is found
+    python benchmarks/gaits.py --quick               # to see it work: seconds; no conclusions can be drawn
 
 A gait has three parameters, its amplitude, its frequency and how much the second of two joints lags behind the first, or all
 behind those before; what is sensed are the angles of 12 joints at 200 steps. Correlations are those between distances in the
@@ -12,6 +13,7 @@ the same, on the [-1, 1] scale.
 
 import argparse
 import time
+from functools import partial
 
 import numpy as np
 from scipy.spatial.distance import pdist
@@ -25,6 +27,7 @@ from auroraqd.metrics import reconstruction_error
 STEPS, JOINTS, SECONDS = 200, 12, 4.0
 TIME, JOINT = np.linspace(0, SECONDS, STEPS)[:, None], np.arange(JOINTS)
 GENERATIONS, BATCH, CELLS, BINS = 50, 60, 500, 6
+BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of auto-encoders, to see it work
 
 
 def _swings(amplitude, frequency, phase):
@@ -67,17 +70,18 @@ class Flat:
         return self.estimator.inverse_transform(z).reshape(-1, STEPS, JOINTS)
 
 
-def encoders(d):
-    """By name, of this many components."""
+def encoders(d, **training):
+    """By name, of this many components; the training is that of auto-encoders."""
+    learned = partial(auroraqd.AutoEncoder, d, random_state=0, **training)
     return {
         "PCA": Flat(PCA(d)),
         "Isomap": Flat(Isomap(n_neighbors=8, n_components=d)),
-        "mlp": auroraqd.AutoEncoder(d, network="mlp", random_state=0),
-        "mlp, geodesic": auroraqd.AutoEncoder(d, network="mlp", metric="geodesic", random_state=0),
-        "recurrent, euclidean": auroraqd.AutoEncoder(d, network="recurrent", metric="euclidean", random_state=0),
-        "recurrent, geodesic": auroraqd.AutoEncoder(d, network="recurrent", metric="geodesic", random_state=0),
-        "recurrent": auroraqd.AutoEncoder(d, network="recurrent", random_state=0),
-        "auto": auroraqd.AutoEncoder(d, random_state=0),
+        "mlp": learned(network="mlp"),
+        "mlp, geodesic": learned(network="mlp", metric="geodesic"),
+        "recurrent, euclidean": learned(network="recurrent", metric="euclidean"),
+        "recurrent, geodesic": learned(network="recurrent", metric="geodesic"),
+        "recurrent": learned(network="recurrent"),
+        "auto": learned(),
     }
 
 
@@ -86,7 +90,7 @@ def correlations(wanted, z):
     return spearmanr(wanted, pdist(z))[0], pearsonr(wanted, pdist(z))[0]
 
 
-def fits(names, gait, rows, d):
+def fits(names, gait, rows, d, training):
     """One update on this many gaits."""
     rng = np.random.default_rng(0)
     x, genes = GAITS[gait](rng.random((rows, 3))), rng.random((1000, 3))
@@ -98,7 +102,7 @@ def fits(names, gait, rows, d):
         "| encoder | rank correlation | correlation | RMSE | seconds | CPU | encoding 200, ms |\n|---|---|---|---|---|---|---|"
     )
     for name in names:
-        encoder = encoders(d)[name]
+        encoder = encoders(d, **training)[name]
         since, used = time.perf_counter(), time.process_time()
         encoder.fit(x)
         seconds, used = time.perf_counter() - since, time.process_time() - used
@@ -115,20 +119,20 @@ def fits(names, gait, rows, d):
         print(f"| {name} | {rank:.2f} | {linear:.2f} | {error:.3f} | {seconds:.0f} | {used:.0f} | {each:.0f} |", flush=True)
 
 
-def runs(names, gait, d):
+def runs(names, gait, d, generations, training):
     """Whole runs: of how many of the cells of the true parameters there are skills."""
 
     def task(genes):
         return np.zeros(len(genes)), GAITS[gait](genes), genes
 
-    print(f"### {GENERATIONS} generations of {BATCH}, {gait}, {d} components\n")
+    print(f"### {generations} generations of {BATCH}, {gait}, {d} components\n")
     print(f"| encoder | stored | coverage of {BINS}^3 | rank correlation | RMSE | seconds |\n|---|---|---|---|---|---|")
     for name in names:
-        encoder = encoders(d)[name]
+        encoder = encoders(d, **training)[name]
         encoder = encoder.estimator if isinstance(encoder, Flat) else encoder
         since = time.perf_counter()
         aurora = auroraqd.Aurora(3, encoder, seed=0, batch_size=BATCH, resolution=auroraqd.VAT(cells=CELLS))
-        aurora.run(task, generations=GENERATIONS)
+        aurora.run(task, generations=generations)
         archive, seconds = aurora.archive, time.perf_counter() - since
         found = auroraqd.metrics.coverage(archive.ground_truth, bins=BINS, low=0, high=1)
         rank = correlations(pdist(archive.ground_truth), archive.descriptor)[0]
@@ -143,8 +147,10 @@ if __name__ == "__main__":
     parser.add_argument("--rows", type=int, default=5_000)
     parser.add_argument("--components", type=int, default=2)
     parser.add_argument("--run", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="100 gaits, or two generations; networks hardly trained")
     chosen = parser.parse_args()
+    training, rows, generations = (BRIEF, 100, 2) if chosen.quick else ({}, chosen.rows, GENERATIONS)
     if chosen.run:
-        runs(chosen.only, chosen.gait, chosen.components)
+        runs(chosen.only, chosen.gait, chosen.components, generations, training)
     else:
-        fits(chosen.only, chosen.gait, chosen.rows, chosen.components)
+        fits(chosen.only, chosen.gait, rows, chosen.components, training)

@@ -3,6 +3,7 @@
     pip install ".[robots]"
     python benchmarks/hexapod.py --out results/hexapod                           # 5 seeds, 6,000 evaluations a run
     python benchmarks/hexapod.py --evaluations 20000 --out results/hexapod-long  # more of the same
+    python benchmarks/hexapod.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 After A. Cully, J. Clune, D. Tarapore, J.-B. Mouret, Robots that can adapt like animals, Nature 521, 2015. Two repertoires are
 found with the same budget: the hand-coded one of the article, MAP-Elites over the share of time for which each foot touches the
@@ -21,6 +22,7 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from robots import BATCH as ROBOTS
 from robots import microseconds
 from scipy.stats import ranksums, wilcoxon
 from sklearn.decomposition import PCA
@@ -280,11 +282,11 @@ def frames_of(repertoire: auroraqd.Repertoire, damage: str, path: Path, frames: 
     save_figure(figure, path, "frames")
 
 
-def report_physics() -> None:
+def report_physics(repeats: int, batch: int) -> None:
     """How long a step of physics takes, beside Ant's, in this process on one thread."""
     ant = auroraqd.tasks.Gym("Ant-v5", steps=100, samples=20, threads=1, options={"terminate_when_unhealthy": False})
     for name, task in (("hexapod", Hexapod(seconds=1.5, threads=1)), ("Ant-v5", ant)):
-        took = microseconds(task)
+        took = microseconds(task, repeats, batch)
         physics = took / round(task.interval / task.model.opt.timestep)
         second = took / task.interval / 1000
         print(f"{name}: a step of physics {physics:.1f} us, of control {took:.1f} us, a simulated second {second:.2f} ms")
@@ -301,10 +303,14 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--evaluations", type=int, default=6000, help="of each run")
     parser.add_argument("--out", type=Path, default=Path("results/hexapod"))
-    options = parser.parse_args()
+    parser.add_argument("--quick", action="store_true", help="one seed of 10 evaluations, into OUT/quick")
+    options, repeats, batch, frames = parser.parse_args(), 5, ROBOTS, 6
+    if options.quick:
+        options.seeds, options.evaluations, options.out = 1, 10, options.out / "quick"
+        repeats, batch, frames = 1, 2, 2
     runs, table = options.out / "runs", options.out / "trials.csv"
     runs.mkdir(parents=True, exist_ok=True)
-    report_physics()
+    report_physics(repeats, batch)
     print(f"a tripod that is written by hand: {speeds(Hexapod(threads=1), tripod())[0]:.3f} m/s", flush=True)
     trials, repertoires = read(table) if table.exists() else [], {}
     for seed in range(options.seeds):
@@ -320,7 +326,7 @@ def main() -> None:
     results = Results(trials, {key: float(repertoire.fitness.max()) for key, repertoire in repertoires.items()})
     report_trials(results)
     save_figure(figure_of(results), options.out, "hexapod")
-    frames_of(repertoires[AURORA, 0], "middle-leg-gone", options.out)
+    frames_of(repertoires[AURORA, 0], "middle-leg-gone", options.out, frames)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     pip install ".[robots]"
     python benchmarks/humanoid.py     # three seeds of 3,000 evaluations: half an hour of one busy core
-    python benchmarks/humanoid.py --quick
+    python benchmarks/humanoid.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 Humanoid-v5 of Gymnasium, 17 joints, moved for a second and a half by sinusoids of 52 genes. AURORA senses how it holds itself,
 not where it is: the height and orientation of its torso and the angles of its joints, at twenty moments; it learns six numbers
@@ -54,7 +54,7 @@ def ways_to_lie(poses: Any) -> int:
 
 def main() -> None:
     options = options_of(str(__doc__), 3, 60, "results/humanoid")
-    compare(humanoid(), options.out / "found.csv", options.seeds, options.generations)
+    compare(humanoid(), options.out / "found.csv", options.seeds, options.generations, options.batch)
 
 
 if __name__ == "__main__":

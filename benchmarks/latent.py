@@ -1,7 +1,7 @@
 """How large should a latent space be? PCA and auto-encoders of 2 to 20 dimensions: docs/results/latent.md.
 
     python benchmarks/latent.py                  # hours of one core; into runs/latent
-    python benchmarks/latent.py --quick          # to see it work
+    python benchmarks/latent.py --quick          # to see it work: seconds; no conclusions can be drawn
     python benchmarks/latent.py --out results --page docs/results/latent.md     # what that page shows, from results
 
 On both tasks, with a distance threshold that aims at the same number of individuals whatever the dimensions (`Size`). Runs
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from comparison import ALGORITHMS, ISOMETRIC, PathLength, filled, grown
+from comparison import ALGORITHMS, ISOMETRIC, PathLength, filled, grown, page_of, quickened
 from matplotlib.figure import Figure
 
 from auroraqd._files import folder_at
@@ -113,29 +113,30 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="of PCA")
     parser.add_argument("--trained", type=int, default=5, help="seeds of auto-encoders")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once")
-    parser.add_argument("--quick", action="store_true", help="into OUT/quick")
+    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
     parser.add_argument("--page", type=Path, help="whose table and figure are replaced by those that come out")
     options = parser.parse_args()
     out = options.out / "quick" if options.quick else options.out
-    seeds, trained, generations = (1, 1, 20) if options.quick else (options.seeds, options.trained, 1_000)
+    seeds, trained, generations = (1, 1, 3) if options.quick else (options.seeds, options.trained, 1_000)
+    experiments = quickened(EXPERIMENTS) if options.quick else EXPERIMENTS
     ledgers = {
         task: grown(
             experiment,
             out / f"latent-{task}",
             {name: trained if name.startswith("ae-") else seeds for name in experiment.variants},
             generations,
-            options.jobs,
+            1 if options.quick else options.jobs,
         )
-        for task, experiment in EXPERIMENTS.items()
+        for task, experiment in experiments.items()
     }
-    text, figure = table(ledgers), figure_of(ledgers)
+    text, figure, page = table(ledgers), figure_of(ledgers), page_of(options, out)
     print(text)
-    shown = out if options.page is None else options.page.parent.parent
+    shown = out if page is None else page.parent.parent
     png, svg = save_figure(figure, folder_at(shown / "figures"), "latent")
     print(png)
-    if options.page is not None:
+    if page is not None:
         svg.unlink()
-        options.page.write_text(filled(options.page.read_text(), {"latent": text}))
+        page.write_text(filled(page.read_text(), {"latent": text}))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
     python benchmarks/learned.py            # everything but the two below, about ten minutes
     python benchmarks/learned.py --paper    # one update by the paper's protocol beside the default one: half an hour
     python benchmarks/learned.py --ablations  # coverage by weight of the isometry and by length of training: an hour
+    python benchmarks/learned.py --quick      # to see it work, also with these: seconds; no conclusions can be drawn
 
 Errors are root mean square errors on the [-1, 1] scale, of throws that were never trained on.
 """
@@ -22,6 +23,7 @@ from auroraqd.metrics import klc, reconstruction_error
 
 ROWS = 8_500
 BRIEF = {"network": "convolutional", "batch_size": 256, "learning_rate": 5e-3, "min_steps": 0}  # of the paper's variants here
+HARDLY = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training, to see it work
 AS_THE_PAPER = auroraqd.Polynomial(at_least_one=False)
 
 
@@ -45,10 +47,10 @@ def flat_pca():
     return make_pipeline(flatten, PCA(n_components=2))
 
 
-def updates(estimators):
+def updates(estimators, rows):
     """One update of the descriptor for each estimator."""
-    x, held_out = repertoire(0, ROWS), repertoire(1, 4_000)
-    print(f"### One update of the encoder: {ROWS} trajectories, held out {len(held_out)} of another run\n")
+    x, held_out = repertoire(0, rows), repertoire(1, min(rows, 4_000))
+    print(f"### One update of the encoder: {rows} trajectories, held out {len(held_out)} of another run\n")
     print("| descriptor | seconds | epochs of each repeat | RMSE held out |\n|---|---|---|---|")
     for name, estimator in estimators.items():
         since = time.perf_counter()
@@ -58,18 +60,18 @@ def updates(estimators):
         print(f"| {name} | {seconds:.1f} | {epochs} | {held_out_error(estimator, x, held_out):.4f} |", flush=True)
 
 
-def encoding():
+def encoding(times):
     """Encoding a batch of 200, in the loop's own way."""
     task = auroraqd.tasks.Ballistic()
-    print("\n### Encoding a batch of 200, milliseconds (median of 200)\n")
+    print(f"\n### Encoding a batch of 200, milliseconds (median of {times})\n")
     print("| network | descriptor | with the error of its reconstruction |\n|---|---|---|")
     batch = np.random.default_rng(0).random((200, 2))
     _, observation, truth = task(batch)
     for network in ("convolutional", "mlp"):
         aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(network=network, repeats=1, min_steps=0), seed=0)
         descriptor = aurora.run(task, generations=2).descriptor
-        alone = median_seconds(partial(descriptor.describe_observation, observation), 200)
-        both = median_seconds(partial(descriptor.describe, batch, observation, truth), 200)
+        alone = median_seconds(partial(descriptor.describe_observation, observation), times)
+        both = median_seconds(partial(descriptor.describe, batch, observation, truth), times)
         print(f"| {network} | {1e3 * alone:.2f} | {1e3 * both:.2f} |", flush=True)
 
 
@@ -82,12 +84,12 @@ def median_seconds(function, times):
     return float(np.median(seconds))
 
 
-def paper_size():
+def paper_size(generations, training):
     """Whole runs with auto-encoders."""
-    print("\n### A run of paper size with an auto-encoder: 5,000 generations of 200\n")
+    print(f"\n### A run of paper size with an auto-encoder: {generations:,} generations of 200\n")
     print("| auto-encoder | seconds | stored | KLC | RMSE |\n|---|---|---|---|---|")
     for name, options in (("the default", {}), ("that of the paper's variants", {**BRIEF, "isometry": 0.0})):
-        size, score, error, seconds = grown(options, seed=0, generations=5000)
+        size, score, error, seconds = grown({**options, **training}, seed=0, generations=generations)
         print(f"| {name} | {seconds:.0f} | {size:,} | {score:.4f} | {error:.4f} |", flush=True)
 
 
@@ -103,7 +105,7 @@ def grown(options, seed, generations):
     return len(aurora.archive), score, aurora.history.last.rmse, seconds
 
 
-def ablations(generations=1500, seeds=2):
+def ablations(generations, seeds, training):
     """What the weight of the isometry and the length of training do to coverage and reconstruction."""
     print(f"### AURORA-AE incremental at {generations} generations, {seeds} seeds\n")
     print("| isometry | training | stored | KLC | RMSE |\n|---|---|---|---|---|")
@@ -112,13 +114,13 @@ def ablations(generations=1500, seeds=2):
     cases += [(weight, "the default", thorough) for weight in (0.0, 20.0)]
     cases += [(weight, "brief, weights anew at each update", {**brief, "warm_start": False}) for weight in (0.0, 20.0)]
     for weight, name, options in cases:
-        rows = [grown({**options, "isometry": weight}, seed, generations) for seed in range(seeds)]
+        rows = [grown({**options, **training, "isometry": weight}, seed, generations) for seed in range(seeds)]
         cells = [", ".join(form.format(row[i]) for row in rows) for i, form in enumerate(("{:,}", "{:.4f}", "{:.4f}"))]
         print(f"| {weight:g} | {name} | {' | '.join(cells)} |", flush=True)
-    pretrained(generations, seeds)
+    pretrained(generations, seeds, training)
 
 
-def pretrained(generations, seeds):
+def pretrained(generations, seeds, training):
     """What the length of training on the prior data set does."""
     task = auroraqd.tasks.Ballistic()
     print(f"\n### AURORA-AE pre-trained at {generations} generations, {seeds} seeds\n")
@@ -127,7 +129,7 @@ def pretrained(generations, seeds):
         sizes, scores, errors = [], [], []
         for seed in range(seeds):
             reference = auroraqd.Aurora(2, "hand-coded", seed=seed, variation=AS_THE_PAPER).run(task, generations=generations)
-            encoder = auroraqd.AutoEncoder(2, **BRIEF, isometry=0.0, validation=split, max_epochs=epochs)
+            encoder = auroraqd.AutoEncoder(2, **{**BRIEF, "max_epochs": epochs, **training}, isometry=0.0, validation=split)
             aurora = auroraqd.Aurora(2, encoder, seed=seed, variation=AS_THE_PAPER, prior=task.prior())
             aurora.run(task, generations=generations)
             sizes.append(f"{len(aurora.archive):,}")
@@ -136,32 +138,42 @@ def pretrained(generations, seeds):
         print(f"| {split:g} | {5 * epochs} | {', '.join(sizes)} | {', '.join(scores)} | {', '.join(errors)} |", flush=True)
 
 
-def main():
+def main(quick=False):
+    training, rows, generations = (HARDLY, 300, 10) if quick else ({}, ROWS, 5000)
     default = {
         "PCA": flat_pca(),
-        "auto-encoder, the default": auroraqd.AutoEncoder(2, random_state=0),
-        "auto-encoder, convolutional": auroraqd.AutoEncoder(2, network="convolutional", random_state=0),
-        "auto-encoder, that of the paper's variants": auroraqd.AutoEncoder(2, **BRIEF, isometry=0.0, random_state=0),
+        "auto-encoder, the default": auroraqd.AutoEncoder(2, random_state=0, **training),
+        "auto-encoder, convolutional": auroraqd.AutoEncoder(2, network="convolutional", random_state=0, **training),
+        "auto-encoder, that of the paper's variants": auroraqd.AutoEncoder(
+            2, **{**BRIEF, **training}, isometry=0.0, random_state=0
+        ),
     }
-    updates(default)
-    encoding()
-    paper_size()
+    updates(default, rows)
+    encoding(5 if quick else 200)
+    paper_size(generations, training)
+
+
+def paper(quick):
+    training, rows = (HARDLY, 300) if quick else ({}, ROWS)
+    literal = {"max_epochs": 2_000, "verbose": True, **training}
+    updates(
+        {
+            "auto-encoder, the default": auroraqd.AutoEncoder(2, random_state=0, **training),
+            "auto-encoder, the paper's protocol": auroraqd.AutoEncoder.paper(random_state=0, **literal),
+        },
+        rows,
+    )
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--paper", action="store_true")
     parser.add_argument("--ablations", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="300 trajectories, runs of 10 generations; hardly any training")
     chosen = parser.parse_args()
     if chosen.paper:
-        literal = auroraqd.AutoEncoder.paper(max_epochs=2_000, random_state=0, verbose=True)
-        updates(
-            {
-                "auto-encoder, the default": auroraqd.AutoEncoder(2, random_state=0),
-                "auto-encoder, the paper's protocol": literal,
-            }
-        )
+        paper(chosen.quick)
     if chosen.ablations:
-        ablations()
+        ablations(*((10, 1, HARDLY) if chosen.quick else (1500, 2, {})))
     if not (chosen.paper or chosen.ablations):
-        main()
+        main(chosen.quick)

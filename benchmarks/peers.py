@@ -2,6 +2,7 @@
 
     pip install "auroraqd[peers]"
     python benchmarks/peers.py
+    python benchmarks/peers.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 All do the ballistic task in batches of 200, with a two-dimensional PCA of the scaled trajectories that was fitted once before,
 on uniformly random throws: nothing is refitted while the clock runs. All mutate one or both of the two genes by polynomial
@@ -33,6 +34,7 @@ one batch, which is the cube. Each of its distances is one to all that is stored
 duplicates of what it has: the table compares speed, not archives of one quality. Shapes are fixed, and with them its time.
 """
 
+import argparse
 import time
 from importlib.util import find_spec
 from typing import NamedTuple
@@ -44,12 +46,29 @@ import auroraqd
 
 BATCH = 200
 NEIGHBOURS = 15
-SEEDS = 6
-BLOCKS = 2  # turns of each seed
-TIMED = 6  # generations of a turn that count
-FULL_AFTER = 600  # generations
-QDAX_SIZE = 1_000
-QDAX_TIMED = 20
+
+
+class Budget(NamedTuple):
+    """How much is timed.
+
+    Attributes:
+        seeds: of pyribs and auroraqd.
+        blocks: turns of each seed, and of QDax.
+        timed: generations of a turn that count.
+        full_after: generations.
+        qdax_size: individuals that QDax stores at most.
+        qdax_timed: generations of QDax that count.
+    """
+
+    seeds: int = 6
+    blocks: int = 2
+    timed: int = 6
+    full_after: int = 600
+    qdax_size: int = 1_000
+    qdax_timed: int = 20
+
+
+QUICK = Budget(seeds=1, blocks=1, timed=1, full_after=3, qdax_size=200, qdax_timed=1)
 
 
 class Case(NamedTuple):
@@ -217,9 +236,10 @@ class Qdax:
         l: threshold of the repertoire.
         seed: of all that is random.
         describe: observations to descriptors, an affine function.
+        size: individuals that it stores at most.
     """
 
-    def __init__(self, l, seed, describe):
+    def __init__(self, l, seed, describe, size):
         import jax
         from qdax.core.aurora import AURORA
         from qdax.core.containers.unstructured_repertoire import UnstructuredRepertoire
@@ -254,7 +274,7 @@ class Qdax:
             fitnesses=fitness,
             descriptors=encode(extra_scores["observations"], self.extra),
             l_value=l,
-            max_size=QDAX_SIZE,
+            max_size=size,
             extra_scores=extra_scores,
             keys_extra_scores=("observations",),
         )
@@ -312,9 +332,9 @@ def ballistic_in_jax(genotypes, key):
     return fitness, jnp.zeros((len(genotypes), 2)), {"observations": observation}
 
 
-def filled(system, case):
+def filled(system, case, full_after):
     """Run a system until its archive is as the case has it."""
-    for _ in range(FULL_AFTER):
+    for _ in range(full_after):
         if case.phase == "filling" and len(system) >= case.stored:
             break
         system.generation()
@@ -334,15 +354,16 @@ def times(ours, theirs):
     return f"{1e3 * ours:.2f}", f"{1e3 * theirs:.2f}", f"{theirs / ours:.1f}"
 
 
-def compare_pyribs():
+def compare_pyribs(budget):
     """The archive step and the whole generation, beside the two loops around pyribs' archive."""
-    print(f"\n### auroraqd and pyribs' ProximityArchive, batches of {BATCH}, medians of {SEEDS * BLOCKS * TIMED}\n")
+    number = budget.seeds * budget.blocks * budget.timed
+    print(f"\n### auroraqd and pyribs' ProximityArchive, batches of {BATCH}, medians of {number}\n")
     row(["phase", "step", "loop of pyribs", "stored", "stored of a batch", "auroraqd ms", "pyribs ms", "pyribs / auroraqd"])
     row(["---"] * 8)
     for case in CASES:
         timings = {"auroraqd": [], "bare": [], "taught": []}
-        for seed in range(SEEDS):
-            for name, times_of_seed in zip(timings, one_seed(case, seed), strict=True):
+        for seed in range(budget.seeds):
+            for name, times_of_seed in zip(timings, one_seed(case, seed, budget), strict=True):
                 timings[name] += times_of_seed
         ours = timings["auroraqd"]
         for field, step in (("step", "archive.add"), ("whole", "generation")):
@@ -353,48 +374,51 @@ def compare_pyribs():
                 row([case.phase, step, loop, sizes, stored, *times(median_of(ours, field), median_of(theirs, field))])
 
 
-def one_seed(case, seed):
+def one_seed(case, seed, budget):
     """Timings of the three loops, which take turns in blocks."""
-    us = filled(Ours(case.l, seed), case)
+    after = budget.full_after
+    us = filled(Ours(case.l, seed), case, after)
     descriptor = us.aurora.descriptor
     systems = (
         us,
-        filled(Pyribs(case.novelty, seed, us.aurora.describe), case),
-        filled(PyribsTaught(case.novelty, seed, descriptor.scaling, descriptor.source), case),
+        filled(Pyribs(case.novelty, seed, us.aurora.describe), case, after),
+        filled(PyribsTaught(case.novelty, seed, descriptor.scaling, descriptor.source), case, after),
     )
     timings = ([], [], [])
-    for _ in range(BLOCKS):
+    for _ in range(budget.blocks):
         for system, out in zip(systems, timings, strict=True):
             system.generation()  # warms the cache
-            out += [system.generation() for _ in range(TIMED)]
+            out += [system.generation() for _ in range(budget.timed)]
     return timings
 
 
-def compare_qdax():
+def compare_qdax(budget):
     """The whole generation, beside QDax."""
-    case = next(case for case in CASES if case.phase == "full" and case.stored == QDAX_SIZE)
-    us = filled(Ours(case.l, seed=0), case)
-    them = Qdax(case.l, 0, us.aurora.describe)
-    for _ in range(2 * QDAX_SIZE // BATCH):
+    case = next(case for case in CASES if case.phase == "full" and case.stored == 1_000)
+    us = filled(Ours(case.l, seed=0), case, budget.full_after)
+    them = Qdax(case.l, 0, us.aurora.describe, budget.qdax_size)
+    for _ in range(2 * budget.qdax_size // BATCH):
         them.generation()
     ours, theirs = [], []
-    for _ in range(BLOCKS):
+    for _ in range(budget.blocks):
         us.generation()  # warms the cache
-        ours += [us.generation().whole for _ in range(QDAX_TIMED // BLOCKS)]
-        theirs += [them.generation() for _ in range(QDAX_TIMED // BLOCKS)]
-    print(f"\n### auroraqd and QDax's AURORA, batches of {BATCH}, medians of {QDAX_TIMED}\n")
+        ours += [us.generation().whole for _ in range(budget.qdax_timed // budget.blocks)]
+        theirs += [them.generation() for _ in range(budget.qdax_timed // budget.blocks)]
+    print(f"\n### auroraqd and QDax's AURORA, batches of {BATCH}, medians of {budget.qdax_timed}\n")
     row(["stored, auroraqd / QDax", "step", "auroraqd ms", "QDax ms", "QDax / auroraqd"])
     row(["---"] * 5)
     row([f"{len(us):,} / {len(them):,}", "generation", *times(np.median(ours), np.median(theirs))])
 
 
-def main():
+def main(quick=False):
     for package, compare in (("ribs", compare_pyribs), ("qdax", compare_qdax)):
         if find_spec(package) is None:
             print(f'\n{package} is not installed, so it is left out: pip install "auroraqd[peers]"')
         else:
-            compare()
+            compare(QUICK if quick else Budget())
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="one generation of each, after three")
+    main(parser.parse_args().quick)

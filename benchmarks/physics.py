@@ -2,12 +2,14 @@
 
     pip install gymnasium[mujoco] mjbatch      # in an environment of its own: mjbatch 0.1 needs MuJoCo 3.14.0
     python benchmarks/physics.py
+    python benchmarks/physics.py --quick       # to see it work: seconds; no conclusions can be drawn
 
 MuJoCo's mj_step, called from Python for one robot after the other, five steps a call; MuJoCo's rollout, called for all robots
 five steps at a time, which begins each time without what its solver had found; and mjbatch, if it is installed, all of them in
 C++. All do the same 50 steps of control. What a policy and an environment compute is left out.
 """
 
+import argparse
 import time
 from importlib.util import find_spec
 
@@ -17,7 +19,7 @@ import numpy as np
 from mujoco.rollout import rollout
 
 ROBOTS = "Ant-v5", "HalfCheetah-v5", "Humanoid-v5"
-BATCH, STEPS, SKIP, REPEATS = 64, 50, 5, 4
+BATCH, STEPS, SKIP = 64, 50, 5
 
 
 def one_by_one(model, controls):
@@ -63,23 +65,26 @@ def ways():
     return found
 
 
-def main():
-    print(f"MuJoCo {mujoco.__version__}, {BATCH} robots, microseconds a step of physics, the least of {REPEATS}\n")
+def main(quick=False):
+    repeats, steps = (1, 5) if quick else (4, STEPS)
+    print(f"MuJoCo {mujoco.__version__}, {BATCH} robots, microseconds a step of physics, the least of {repeats}\n")
     print("| robot | by | a step | of all cores | farthest from mj_step |\n|---|---|---|---|---|")
     for env_id in ROBOTS:
         model = gymnasium.make(env_id).unwrapped.model
-        controls = np.random.default_rng(0).uniform(-0.4, 0.4, (STEPS, BATCH, model.nu))
+        controls = np.random.default_rng(0).uniform(-0.4, 0.4, (steps, BATCH, model.nu))
         times, ends = {name: [] for name in ways()}, {}
-        for _ in range(REPEATS):
+        for _ in range(repeats):
             for name, way in ways().items():
                 since, used = time.perf_counter(), time.process_time()
                 ends[name] = way(model, controls)
                 times[name].append((time.perf_counter() - since, time.process_time() - used))
         for name, took in times.items():
-            clock, cores = 1e6 * np.min(took, axis=0) / (BATCH * STEPS * SKIP)
+            clock, cores = 1e6 * np.min(took, axis=0) / (BATCH * steps * SKIP)
             apart = np.abs(ends[name] - ends["mj_step, one after the other"]).max()
             print(f"| {env_id} | {name} | {clock:.1f} | {cores:.1f} | {apart:.0e} |", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="5 steps, once")
+    main(parser.parse_args().quick)

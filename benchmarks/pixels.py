@@ -3,6 +3,7 @@
     python benchmarks/pixels.py                      # all descriptors but those of the extra "manifold", one seed
     python benchmarks/pixels.py --only geodesic hand-coded --seed 1
     python benchmarks/pixels.py --update             # one update on 10,000 images of 64 x 64 x 3: seconds and memory
+    python benchmarks/pixels.py --quick              # to see it work: seconds; no conclusions can be drawn
 
 The robot is a disc. Three genes are bent into its place, so that most of them leave it near the middle, and all that is seen is
 an image of it. Runs are of 80 generations of 100, with `VAT(cells=2000)`. Coverage is the number of 15 x 15 cells of the true
@@ -13,6 +14,7 @@ import argparse
 import resource
 import time
 import warnings
+from functools import partial
 
 import numpy as np
 from sklearn.decomposition import PCA
@@ -23,6 +25,7 @@ from auroraqd.descriptors.networks import Image
 
 GENERATIONS, BATCH, CELLS, BINS = 80, 100, 2_000, 15
 SIZE, RADIUS = 32, 2.5  # pixels
+BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of auto-encoders, to see it work
 
 
 def places(genotypes):
@@ -75,16 +78,16 @@ def tsne():
     return TSNE(n_components=2, random_state=0)
 
 
-EXTRA = {"UMAP": lambda: OnFlat(umap()), "t-SNE": lambda: OnFlat(tsne())}
-DESCRIPTORS = {
-    "hand-coded": lambda: "hand-coded",
-    "genotype": lambda: "genotype",
-    "PCA": lambda: PCA(n_components=2),
-    "Isomap": lambda: OnFlat(Isomap(n_neighbors=8, n_components=2)),
-    "mlp": lambda: auroraqd.AutoEncoder(2, network="mlp"),
-    "euclidean": lambda: auroraqd.AutoEncoder(2, metric="euclidean"),
-    "measured": lambda: auroraqd.AutoEncoder(2, metric="measured"),
-    "geodesic": lambda: auroraqd.AutoEncoder(2),
+EXTRA = {"UMAP": lambda **_: OnFlat(umap()), "t-SNE": lambda **_: OnFlat(tsne())}
+DESCRIPTORS = {  # the training is that of auto-encoders
+    "hand-coded": lambda **_: "hand-coded",
+    "genotype": lambda **_: "genotype",
+    "PCA": lambda **_: PCA(n_components=2),
+    "Isomap": lambda **_: OnFlat(Isomap(n_neighbors=8, n_components=2)),
+    "mlp": partial(auroraqd.AutoEncoder, 2, network="mlp"),
+    "euclidean": partial(auroraqd.AutoEncoder, 2, metric="euclidean"),
+    "measured": partial(auroraqd.AutoEncoder, 2, metric="measured"),
+    "geodesic": partial(auroraqd.AutoEncoder, 2),
 }
 SAID = {
     "mlp": "AutoEncoder, network='mlp'",
@@ -100,19 +103,19 @@ def spread(place):
     return round(auroraqd.metrics.coverage(place, **cells) * BINS**2), auroraqd.metrics.effective_cells(place, **cells)
 
 
-def runs(names, seed):
-    print(f"### Images of a disc: {GENERATIONS} generations of {BATCH}, seed {seed}\n")
+def runs(names, seed, generations, training):
+    print(f"### Images of a disc: {generations} generations of {BATCH}, seed {seed}\n")
     print(f"| descriptor | stored | coverage of {BINS * BINS} | effective cells | seconds |\n|---|---|---|---|---|")
     for name in names:
         options = {"seed": seed, "batch_size": BATCH, "resolution": auroraqd.VAT(cells=CELLS)}
         since = time.perf_counter()
-        aurora = auroraqd.Aurora(3, {**DESCRIPTORS, **EXTRA}[name](), **options).run(disc, generations=GENERATIONS)
+        aurora = auroraqd.Aurora(3, {**DESCRIPTORS, **EXTRA}[name](**training), **options).run(disc, generations=generations)
         seconds = time.perf_counter() - since
         coverage, effective = spread(aurora.archive.ground_truth)
         print(f"| {SAID.get(name, name)} | {len(aurora.archive)} | {coverage} | {effective:.0f} | {seconds:.0f} |", flush=True)
 
 
-def update(rows=10_000, size=64):
+def update(rows, training, size=64):
     """One fit, and encoding a batch of 200: seconds, and what memory they take beyond the images."""
     rng = np.random.default_rng(0)
     x = np.concatenate([images(rng.random((500, 2)), size, 5.0, (1.0, 0.5, 0.2)) for _ in range(rows // 500)])
@@ -121,7 +124,7 @@ def update(rows=10_000, size=64):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     since = time.perf_counter()
     used = time.process_time()
-    encoder = auroraqd.AutoEncoder(2, random_state=0).fit(x)
+    encoder = auroraqd.AutoEncoder(2, random_state=0, **training).fit(x)
     fitted, used = time.perf_counter() - since, time.process_time() - used
     memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     encoder.transform(x[:200])
@@ -139,8 +142,10 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", choices=[*DESCRIPTORS, *EXTRA], default=list(DESCRIPTORS))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--update", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="two generations, or 500 images; networks hardly trained")
     chosen = parser.parse_args()
+    training, generations, rows = (BRIEF, 2, 500) if chosen.quick else ({}, GENERATIONS, 10_000)
     if chosen.update:
-        update()
+        update(rows, training)
     else:
-        runs(chosen.only, chosen.seed)
+        runs(chosen.only, chosen.seed, generations, training)

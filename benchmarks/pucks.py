@@ -1,7 +1,7 @@
 """Several objects: air hockey with two and three pucks that hit each other, by descriptors learned, hand-coded, and by chance.
 
     python benchmarks/pucks.py                  # half an hour of one core; into runs/pucks
-    python benchmarks/pucks.py --quick          # to see it work
+    python benchmarks/pucks.py --quick          # to see it work: seconds; no conclusions can be drawn
     python benchmarks/pucks.py --out results --page docs/results/pucks.md     # what that page shows, from results
 
 The hand-coded descriptor is where all pucks end. Repertoires are judged by how diverse the ways of the pucks are, of as many
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from comparison import filled, grown
+from comparison import filled, grown, page_of
 from matplotlib.figure import Figure
 
 import auroraqd
@@ -125,27 +125,27 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/pucks"), help="where results are, and more are added")
     parser.add_argument("--seeds", type=int, default=3, help="of each")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once")
-    parser.add_argument("--quick", action="store_true", help="into OUT/quick")
+    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
     parser.add_argument("--page", type=Path, help="whose table and figure are replaced by those that come out")
     options = parser.parse_args()
     out = options.out / "quick" if options.quick else options.out
-    seeds, generations = (1, 10) if options.quick else (options.seeds, 1_000)
+    seeds, generations, jobs = (1, 3, 1) if options.quick else (options.seeds, 1_000, options.jobs)
     ledgers = {
         pucks: grown(
-            experiment, folder_at(out) / f"pucks-{pucks}", dict.fromkeys(experiment.variants, seeds), generations, options.jobs
+            experiment, folder_at(out) / f"pucks-{pucks}", dict.fromkeys(experiment.variants, seeds), generations, jobs
         )
         for pucks, experiment in EXPERIMENTS.items()
     }
-    text = table(ledgers)
+    text, page = table(ledgers), page_of(options, out)
     print(text)
     folder = ledgers[PUCKS[-1]].run_folder("pca-10", 0)
     if folder.is_dir():  # which results do without
-        shown = out if options.page is None else options.page.parent.parent
+        shown = out if page is None else page.parent.parent
         png, svg = save_figure(skills(folder), folder_at(shown / "figures"), "pucks")
         svg.unlink()
         print(png)
-    if options.page is not None:
-        options.page.write_text(filled(options.page.read_text(), {"pucks": text}))
+    if page is not None:
+        page.write_text(filled(page.read_text(), {"pucks": text}))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """How close a repertoire comes to goals between its skills, and how much closer a few trials more bring it.
 
     python benchmarks/reaching.py     # a minute; the figure is runs/reaching/reaching.png
+    python benchmarks/reaching.py --quick     # to see it work: seconds; no conclusions can be drawn
 
 Repertoires of the paper's tasks, AURORA-PCA, 1,000 generations. Goals are outcomes of random genotypes, so each can be reached:
 tops of throws, and places where the puck comes to lie after it was touched. Distances are in the unit of the ground truth: of
@@ -22,16 +23,17 @@ from auroraqd.tasks import air_hockey
 
 FOLDER = Path("runs/reaching")
 TASKS = {"ballistic": auroraqd.tasks.Ballistic(), "air hockey": auroraqd.tasks.AirHockey()}
+QUICK = {"goals": 5, "generations": 20, "folder": FOLDER / "quick"}
 LOOKS = (1, 2, 3, 5, 10, 20)  # trials after which distances are compared
 MODEL = "local models"
 MUTANTS = "mutants"  # of the best so far: what a search without a model would do
 SIGMA = 0.001  # of them, the best of 0.05, 0.02, 0.01, 0.005, 0.0025 and 0.001 on air hockey, for other goals
 
 
-def repertoire_of(task, generations: int, seed: int):
+def repertoire_of(task, generations: int, seed: int, folder: Path):
     """What a run finds."""
     aurora = auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=seed).run(task, generations=generations)
-    return auroraqd.load(auroraqd.save(aurora, FOLDER / type(task).__name__, overwrite=True))
+    return auroraqd.load(auroraqd.save(aurora, folder / type(task).__name__, overwrite=True))
 
 
 def goals_of(task, number: int, rng) -> np.ndarray:
@@ -96,10 +98,10 @@ def draw(found: dict[str, dict[str, np.ndarray]], path: Path) -> None:
         figure.savefig(path, dpi=150)
 
 
-def main(goals: int = 200, generations: int = 1000, seed: int = 1) -> None:
+def main(goals: int = 200, generations: int = 1000, seed: int = 1, folder: Path = FOLDER) -> None:
     rng, found = np.random.default_rng(0), {}
     for name, task in TASKS.items():
-        repertoire, wanted = repertoire_of(task, generations, seed), goals_of(task, goals, rng)
+        repertoire, wanted = repertoire_of(task, generations, seed, folder), goals_of(task, goals, rng)
         found[name] = {MODEL: by_model(task, repertoire, wanted), MUTANTS: by_mutants(task, repertoire, wanted, rng)}
         after = [distances[:, 10] for distances in found[name].values()]
         print(
@@ -107,7 +109,7 @@ def main(goals: int = 200, generations: int = 1000, seed: int = 1) -> None:
         )
     print()
     table(found)
-    draw(found, FOLDER / "reaching.png")
+    draw(found, folder / "reaching.png")
 
 
 if __name__ == "__main__":
@@ -115,4 +117,6 @@ if __name__ == "__main__":
     parser.add_argument("--goals", type=int, default=200)
     parser.add_argument("--generations", type=int, default=1000, help="of the repertoires")
     parser.add_argument("--seed", type=int, default=1, help="of the repertoires")
-    main(**vars(parser.parse_args()))
+    parser.add_argument("--quick", action="store_true", help="5 goals, 20 generations, into runs/reaching/quick")
+    options = vars(parser.parse_args())
+    main(**options | (QUICK if options.pop("quick") else {}))

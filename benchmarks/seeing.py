@@ -1,7 +1,7 @@
 """What a robot finds that only sees: air hockey and a maze through a camera, beside what an expert would measure.
 
     python benchmarks/seeing.py                  # hours of one core; into runs/seeing
-    python benchmarks/seeing.py --quick          # to see it work
+    python benchmarks/seeing.py --quick          # to see it work: seconds; no conclusions can be drawn
     python benchmarks/seeing.py --out results --page docs/results/pixels.md     # what that page shows, from results
 
 Descriptors are learned from pictures alone. What repertoires are judged by is nothing that they have seen: the ways of the
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from comparison import STORED, filled, grown
+from comparison import STORED, filled, grown, page_of, quickened
 
 from auroraqd import emitters, metrics
 from auroraqd._files import folder_at
@@ -139,21 +139,20 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/seeing"), help="where results are, and more are added")
     parser.add_argument("--seeds", type=int, default=5, help="of each")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once")
-    parser.add_argument("--quick", action="store_true", help="into OUT/quick")
+    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
     parser.add_argument("--page", type=Path, help="whose table is replaced by the one that comes out")
     options = parser.parse_args()
     out = options.out / "quick" if options.quick else options.out
-    seeds, generations = (1, 10) if options.quick else (options.seeds, 1_000)
+    seeds, generations, jobs = (1, 3, 1) if options.quick else (options.seeds, 1_000, options.jobs)
+    experiments = quickened(EXPERIMENTS) if options.quick else EXPERIMENTS
     ledgers = {
-        task: grown(
-            experiment, folder_at(out) / f"seeing-{task}", dict.fromkeys(experiment.variants, seeds), generations, options.jobs
-        )
-        for task, experiment in EXPERIMENTS.items()
+        task: grown(experiment, folder_at(out) / f"seeing-{task}", dict.fromkeys(experiment.variants, seeds), generations, jobs)
+        for task, experiment in experiments.items()
     }
-    text = table(ledgers)
+    text, page = table(ledgers), page_of(options, out)
     print(text)
-    if options.page is not None:
-        options.page.write_text(filled(options.page.read_text(), {"seeing": text}))
+    if page is not None:
+        page.write_text(filled(page.read_text(), {"seeing": text}))
 
 
 if __name__ == "__main__":

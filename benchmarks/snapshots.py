@@ -1,8 +1,12 @@
 """What snapshots cost: the share of a run's time that is spent in the callback, on the ballistic throw and on air hockey.
 
+    python benchmarks/snapshots.py
+    python benchmarks/snapshots.py --quick    # to see it work: seconds; no conclusions can be drawn
+
 A run begins with a compilation, which is done before.
 """
 
+import argparse
 import tempfile
 import time
 
@@ -33,14 +37,15 @@ def share(task, n_genes, generations, **options):
     return timed.seconds, seconds, len(aurora.archive), size / 1e6
 
 
-def main():
+def main(quick=False):
+    few, many = (10, 20) if quick else (200, 1600)
     ballistic, hockey = auroraqd.tasks.Ballistic(), auroraqd.tasks.AirHockey()
     auroraqd.Aurora(2, PCA(2), seed=0).run(ballistic, generations=3)
     runs = {
-        "ballistic, 200 generations": (ballistic, 2, 200, {}),
-        "ballistic, 1,600 generations": (ballistic, 2, 1600, {}),
-        "ballistic, 200 generations, updated in each": (ballistic, 2, 200, {"schedule": auroraqd.Every(1)}),
-        "air hockey, 200 generations": (hockey, 8, 200, {}),
+        f"ballistic, {few} generations": (ballistic, 2, few, {}),
+        f"ballistic, {many:,} generations": (ballistic, 2, many, {}),
+        f"ballistic, {few} generations, updated in each": (ballistic, 2, few, {"schedule": auroraqd.Every(1)}),
+        f"air hockey, {few} generations": (hockey, 8, few, {}),
     }
     print("| run | stored | run, s | snapshots, ms | share | MB |")
     print("|---|---|---|---|---|---|")
@@ -50,4 +55,6 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="10 and 20 generations")
+    main(parser.parse_args().quick)

@@ -1,8 +1,12 @@
 """How fast auroraqd is: a run of paper size, the archive from 1e3 to 1e6 individuals, the command line.
 
+    python benchmarks/speed.py
+    python benchmarks/speed.py --quick    # to see it work: seconds; no conclusions can be drawn
+
 Compiled kernels are warmed up first. The machine's noise is met with medians.
 """
 
+import argparse
 import os
 import resource
 import shutil
@@ -20,7 +24,7 @@ import auroraqd
 BATCH = 200
 
 
-def paper_size(generations=5000):
+def paper_size(generations):
     """`Aurora.run` at paper size with PCA, twice: seconds, and the peak memory of this process."""
     task = auroraqd.tasks.Ballistic()
     auroraqd.Aurora(task.n_genes, PCA(n_components=2), seed=1).run(task, generations=60)
@@ -67,8 +71,8 @@ def offspring(archive, rng, batches, size=BATCH):
         yield throws(auroraqd.Polynomial()(parents, rng))
 
 
-def real_offspring():
-    """`add` of offspring of real throws: in the archive of a real run, and in one that offspring filled to a million.
+def real_offspring(generations, most):
+    """`add` of offspring of real throws: in the archive of a real run, and in one that offspring filled to a million (`most`).
 
     Both archives are near saturation: l is such that they would hold some 3% and 25% more in the end.
     """
@@ -77,10 +81,10 @@ def real_offspring():
     rng = np.random.default_rng(1)
     task = auroraqd.tasks.Ballistic()
     aurora = auroraqd.Aurora(task.n_genes, "hand-coded", seed=0)
-    aurora.run(task, generations=5000, callback=lambda run: len(run.archive) >= 15_000)
+    aurora.run(task, generations=generations, callback=lambda run: len(run.archive) >= 15_000)
     archive = auroraqd.UnstructuredArchive(l=0.0008)
-    archive.add(**throws(rng.random((100_000, 2))))
-    while len(archive) < 1_000_000:
+    archive.add(**throws(rng.random((min(most, 100_000), 2))))
+    while len(archive) < most:
         for batch in offspring(archive, rng, 1, size=20_000):
             archive.add(**batch)
     for filled in (aurora.archive, archive):
@@ -88,11 +92,11 @@ def real_offspring():
         print(f"| {size:,} | {median_add(filled, offspring(filled, rng, 300)):.2f} |", flush=True)
 
 
-def scaling(sizes=(1_000, 10_000, 100_000, 1_000_000), dimensions=(2, 3, 5, 10)):
+def scaling(most, dimensions=(2, 3, 5, 10)):
     """`add` for archives of uniformly random descriptors; rows near stored ones, so that most of them compete."""
     print("\n### `archive.add`, 200 rows near stored ones, uniformly random descriptors, us a row (median of 20 batches)\n")
     print("| stored | " + " | ".join(f"d = {d}" for d in dimensions) + " |\n|---|" + "---|" * len(dimensions))
-    for size in sizes:
+    for size in (size for size in (1_000, 10_000, 100_000, 1_000_000) if size <= most):
         cells = []
         for d in dimensions:
             rng = np.random.default_rng(d)
@@ -115,7 +119,7 @@ def described(descriptor):
     return {"genotype": np.zeros((n, 1)), "fitness": np.zeros(n), "observation": np.zeros((n, 1)), "descriptor": descriptor}
 
 
-def command_line():
+def command_line(generations):
     """`auroraqd --help`, and a short run in a fresh copy of the package (kernels not compiled yet) and again."""
     print("\n### The command line, seconds\n")
     print("| command | seconds |\n|---|---|")
@@ -123,8 +127,8 @@ def command_line():
     with tempfile.TemporaryDirectory() as folder:
         shutil.copytree(Path(auroraqd.__file__).parent, f"{folder}/auroraqd", ignore=shutil.ignore_patterns("__pycache__"))
         for name in ("first", "second"):
-            arguments = ["run", "ballistic", "--generations", "200", "--out", f"{folder}/{name}"]
-            timed(f"auroraqd run ballistic --generations 200, {name} time", arguments, {"PYTHONPATH": folder})
+            arguments = ["run", "ballistic", "--generations", str(generations), "--out", f"{folder}/{name}"]
+            timed(f"auroraqd run ballistic --generations {generations}, {name} time", arguments, {"PYTHONPATH": folder})
 
 
 def timed(name, arguments, environment):
@@ -134,12 +138,15 @@ def timed(name, arguments, environment):
     print(f"| {name} | {time.perf_counter() - since:.2f} |", flush=True)
 
 
-def main():
-    paper_size()
-    real_offspring()
-    scaling()
-    command_line()
+def main(quick=False):
+    generations, most = (20, 1_000) if quick else (5000, 1_000_000)
+    paper_size(generations)
+    real_offspring(generations, most)
+    scaling(most)
+    command_line(generations=20 if quick else 200)
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="20 generations, archives of 1,000")
+    main(parser.parse_args().quick)

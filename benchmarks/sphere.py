@@ -1,6 +1,8 @@
 """The sphere benchmark of pyribs' examples, by pyribs and by auroraqd in one run: `python benchmarks/sphere.py`.
 
     pip install "auroraqd[ribs]"
+    python benchmarks/sphere.py            # hours of one core; into results/sphere
+    python benchmarks/sphere.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 As `examples/sphere.py` of pyribs has it: 100 unbounded parameters, 10,000 iterations of 540 solutions, a grid of 100 x 100, and
 MAP-Elites with Gaussian steps, with iso+line steps, and CMA-ME with 15 improvement emitters of 36. The first solutions are
@@ -211,7 +213,10 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--iterations", type=int, default=ITERATIONS)
     parser.add_argument("--out", type=Path, default=Path("results/sphere"))
+    parser.add_argument("--quick", action="store_true", help="one seed, three iterations, into OUT/quick")
     options = parser.parse_args()
+    if options.quick:
+        options.seeds, options.iterations, options.out = 1, 3, options.out / "quick"
     print(sphere_table(sphere_runs(options.out / "sphere.csv", options.seeds, options.iterations)))
 
 

@@ -2,6 +2,7 @@
 
     python benchmarks/waiting.py --workers 16            # processes
     python benchmarks/waiting.py --workers 16 --dask     # workers of a Dask cluster on this machine
+    python benchmarks/waiting.py --quick                 # to see it work: seconds; no conclusions can be drawn
 
 Evaluations sleep, 0.05 s in the median, log-normally with sigma 1, so the workers need no cores of their own. Printed is the
 sum of the durations over workers times wall time, from the second generation on, when the workers are there, to the end.
@@ -49,7 +50,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=16)
     parser.add_argument("--evaluations", type=int, default=4000)
     parser.add_argument("--dask", action="store_true", help="workers of a Dask cluster, and not processes")
-    options = parser.parse_args()
+    parser.add_argument("--quick", action="store_true", help="two workers, 40 evaluations, in batches of 16")
+    options, batch_sizes = parser.parse_args(), (16, 64, 256)
+    if options.quick:
+        options.workers, options.evaluations, batch_sizes = 2, 40, (16,)
     print(f"{'batch':>6} {'by the generation':>18} {'asynchronous':>13}")
     with ExitStack() as cluster:
         workers = evaluate.processes(options.workers)
@@ -59,7 +63,7 @@ def main() -> None:
             kept = cluster.enter_context(LocalCluster(n_workers=options.workers, threads_per_worker=1, dashboard_address=None))
             workers = evaluate.dask(cluster.enter_context(Client(kept)))
         spread = cluster.enter_context(evaluate.over(workers, robot))
-        for batch_size in (16, 64, 256):
+        for batch_size in batch_sizes:
             shares = [busy(spread, options.workers, batch_size, options.evaluations, kind) for kind in (False, True)]
             print(f"{batch_size:6} {shares[0]:18.0%} {shares[1]:13.0%}", flush=True)
 
