@@ -26,7 +26,7 @@ from auroraqd.report.style import STYLE
 from auroraqd.tasks import air_hockey
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
-from damage import TRIALS, away, by_chance, discovered, tried, without_joint
+from damage import FAILS, TRIALS, away, by_chance, discovered, imagined, tried, without_joint
 
 FOLDER = Path("runs/damage")
 QUICK = {"goals": 2, "generations": 20, "folder": FOLDER / "quick"}
@@ -35,6 +35,7 @@ NEAR = 0.1  # m
 IN_ORDER = "best promises in order"
 PERFORMANCE = "adaptation, performance over descriptor"
 OUTCOME = "adaptation, outcome over descriptor and genes"
+SEVERAL = "the same, with damage imagined"
 BEST = "best of all skills, were all tried"
 BOTH = "descriptor and genotype"
 COLORS = {
@@ -43,6 +44,7 @@ COLORS = {
     IN_ORDER: "#2646a0",
     PERFORMANCE: "#e0a020",
     OUTCOME: "#c8287a",
+    SEVERAL: "#1f7a6f",
 }
 
 
@@ -89,6 +91,11 @@ def by_outcome(case: Case, space: np.ndarray, promised: np.ndarray) -> list[int]
     return tried(auroraqd.Adaptation(space, promised, case.goal), case.ends)
 
 
+def by_several(case: Case, space: np.ndarray, promises: np.ndarray) -> list[int]:
+    """The rows that are tried when there are promises for robots that are damaged in other ways."""
+    return tried(auroraqd.Adaptation(space, promises, case.goal, scale=FAILS), case.ends)
+
+
 def so_far(distances: dict[str, list[np.ndarray]]) -> dict[str, np.ndarray]:
     """Distance of the best trial so far, (goals, trials), from those of each."""
     return {name: np.minimum.accumulate(values, axis=1) for name, values in distances.items()}
@@ -103,6 +110,7 @@ def spaces_of(repertoire) -> dict[str, np.ndarray]:
 def compare(arm, repertoire, goals: int) -> tuple[list[Case], dict[str, np.ndarray]]:
     """The goals; and distances by what chooses the trials, with those of the best of all skills."""
     promised, spaces, rng = repertoire.observation[:, -1], spaces_of(repertoire), np.random.default_rng(0)
+    promises = imagined(arm, repertoire)
     seen, found = [], {name: [] for name in (*COLORS, BEST)}
     for case in cases(arm, repertoire, goals, rng):
         seen.append(case)
@@ -111,6 +119,7 @@ def compare(arm, repertoire, goals: int) -> tuple[list[Case], dict[str, np.ndarr
         found[IN_ORDER].append(case.distance[in_order(case, promised)])
         found[PERFORMANCE].append(case.distance[by_performance(case, spaces["descriptor"], promised)])
         found[OUTCOME].append(case.distance[by_outcome(case, spaces[BOTH], promised)])
+        found[SEVERAL].append(case.distance[by_several(case, spaces[BOTH], promises)])
         found[BEST].append(np.full(TRIALS, case.distance.min()))
     return seen, so_far(found)
 
@@ -146,7 +155,7 @@ def beside(ours: np.ndarray, theirs: np.ndarray) -> list[str]:
 def tests(distances: dict[str, np.ndarray]) -> None:
     """Each adaptation beside promises in order."""
     print(f"\n### Beside {IN_ORDER}\n\n| | trials | shorter | longer | p |\n|---|---|---|---|---|")
-    for name in (PERFORMANCE, OUTCOME):
+    for name in (PERFORMANCE, OUTCOME, SEVERAL):
         for look in LOOKS:
             cells = beside(distances[name][:, look - 1], distances[IN_ORDER][:, look - 1])
             print(f"| {name} | {look} | {' | '.join(cells)} |")
