@@ -245,7 +245,8 @@ def draw_room(axes, case: Case, repertoire) -> None:
 def main(
     goals: int = 30, generations: int = 1000, restitution_threshold: float = 1, seed: int = 1, folder: Path = FOLDER
 ) -> None:
-    arm, repertoire = discovered(generations, restitution_threshold, folder, seed)
+    run = folder / f"seed-{seed}-threshold-{restitution_threshold:g}-generations-{generations}"
+    arm, repertoire = discovered(generations, restitution_threshold, run, seed)
     number = goals * air_hockey.JOINTS
     print(f"### An arm that lost a joint: {len(repertoire):,} skills, {number} goals, distance in metres, median (quartiles)\n")
     seen, distances = compare(arm, repertoire, goals)
