@@ -139,13 +139,17 @@ def update(rows, training, size=64):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", choices=[*DESCRIPTORS, *EXTRA], default=list(DESCRIPTORS))
+    parser.add_argument("--only", nargs="+", choices=[*DESCRIPTORS, *EXTRA], help="default: all but UMAP and t-SNE")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--update", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="two generations, or 500 images; networks hardly trained")
+    parser.add_argument(
+        "--quick", action="store_true", help="two generations of four descriptors, or 500 images; networks hardly trained"
+    )
     chosen = parser.parse_args()
-    training, generations, rows = (BRIEF, 2, 500) if chosen.quick else ({}, GENERATIONS, 10_000)
+    training, generations, rows, names = {}, GENERATIONS, 10_000, [*DESCRIPTORS]
+    if chosen.quick:
+        training, generations, rows, names = BRIEF, 2, 500, ["hand-coded", "PCA", "Isomap", "mlp"]
     if chosen.update:
         update(rows, training)
     else:
-        runs(chosen.only, chosen.seed, generations, training)
+        runs(chosen.only or names, chosen.seed, generations, training)
