@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
 from damage import FAILS, TRIALS, away, by_chance, discovered, imagined, tried, without_joint
 
 FOLDER = Path("runs/damage")
-QUICK = {"goals": 2, "generations": 20, "folder": FOLDER / "quick"}
+QUICK = {"goals": 1, "generations": 20, "folder": FOLDER / "quick"}
 LOOKS = (5, 10, 20)  # trials after which distances are compared
 NEAR = 0.1  # m
 IN_ORDER = "best promises in order"
@@ -265,6 +265,6 @@ if __name__ == "__main__":
     parser.add_argument("--generations", type=int, default=1000, help="of the repertoire")
     parser.add_argument("--restitution-threshold", type=float, default=1, help="m/s, slower impacts do not bounce")
     parser.add_argument("--seed", type=int, default=1, help="of the repertoire")
-    parser.add_argument("--quick", action="store_true", help="2 goals, 20 generations, into runs/damage/quick")
+    parser.add_argument("--quick", action="store_true", help="1 goal, 20 generations, into runs/damage/quick")
     options = vars(parser.parse_args())
     main(**options | (QUICK if options.pop("quick") else {}))

@@ -125,7 +125,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/pucks"), help="where results are, and more are added")
     parser.add_argument("--seeds", type=int, default=3, help="of each")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once")
-    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
+    parser.add_argument("--quick", action="store_true", help="three generations, in one process, into OUT/quick; also the page")
     parser.add_argument("--page", type=Path, help="whose table and figure are replaced by those that come out")
     options = parser.parse_args()
     out = options.out / "quick" if options.quick else options.out
