@@ -14,6 +14,7 @@ import argparse
 import resource
 import time
 import warnings
+from dataclasses import replace
 
 import numpy as np
 from sklearn.decomposition import PCA
@@ -24,7 +25,7 @@ from auroraqd.descriptors.networks import Image
 
 GENERATIONS, BATCH, CELLS, BINS = 80, 100, 2_000, 15
 SIZE, RADIUS = 32, 2.5  # pixels
-BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of the auto-encoder, to see it work
+SMALL = Image(maps=(4, 8), hidden=16, steps=30)  # a network to see it work
 
 
 def places(genotypes):
@@ -114,16 +115,16 @@ def runs(names, seed, generations):
         print(f"| {SAID.get(name, name)} | {len(aurora.archive)} | {coverage} | {effective:.0f} | {seconds:.0f} |", flush=True)
 
 
-def update(rows, training, size=64):
+def update(rows, size, network):
     """One fit, and encoding a batch of 200: seconds, and what memory they take beyond the images."""
     rng = np.random.default_rng(0)
     x = np.concatenate([images(rng.random((500, 2)), size, 5.0, (1.0, 0.5, 0.2)) for _ in range(rows // 500)])
     with warnings.catch_warnings(action="ignore"):  # one step learns nothing
-        auroraqd.AutoEncoder(2, network=Image(steps=1), repeats=1, random_state=0).fit(x[:100])
+        auroraqd.AutoEncoder(2, network=replace(network, steps=1), repeats=1, random_state=0).fit(x[:100])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     since = time.perf_counter()
     used = time.process_time()
-    encoder = auroraqd.AutoEncoder(2, random_state=0, **training).fit(x)
+    encoder = auroraqd.AutoEncoder(2, network=network, random_state=0).fit(x)
     fitted, used = time.perf_counter() - since, time.process_time() - used
     memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     encoder.transform(x[:200])
@@ -141,12 +142,12 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", choices=[*DESCRIPTORS, *EXTRA], help="default: all but UMAP and t-SNE")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--update", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="two generations, without networks, or 500 images")
+    parser.add_argument("--quick", action="store_true", help="two generations, without networks, or 500 small images")
     chosen = parser.parse_args()
-    training, generations, rows, names = {}, GENERATIONS, 10_000, [*DESCRIPTORS]
+    generations, rows, size, network, names = GENERATIONS, 10_000, 64, Image(), [*DESCRIPTORS]
     if chosen.quick:
-        training, generations, rows, names = BRIEF, 2, 500, ["hand-coded", "PCA", "Isomap"]
+        generations, rows, size, network, names = 2, 500, 16, SMALL, ["hand-coded", "PCA", "Isomap"]
     if chosen.update:
-        update(rows, training)
+        update(rows, size, network)
     else:
         runs(chosen.only or names, chosen.seed, generations)
