@@ -27,7 +27,7 @@ from auroraqd.metrics import reconstruction_error
 STEPS, JOINTS, SECONDS = 200, 12, 4.0
 TIME, JOINT = np.linspace(0, SECONDS, STEPS)[:, None], np.arange(JOINTS)
 GENERATIONS, BATCH, CELLS, BINS = 50, 60, 500, 6
-BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of auto-encoders, to see it work
+BRIEF = {"min_steps": 100, "max_epochs": 1, "repeats": 1}  # training of auto-encoders, to see it work
 
 
 def _swings(amplitude, frequency, phase):

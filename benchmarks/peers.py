@@ -220,7 +220,7 @@ class PyribsTaught:
         before = len(self)
         since = time.perf_counter()
         _, observation, _ = self.task(self.scheduler.ask())
-        low, high = self.scaling
+        low, high = self.scaling.low, self.scaling.high
         scaled = (observation - low) / (high - low) * 2 - 1
         measures = self.pca.transform(scaled.reshape(len(scaled), -1))
         before_tell = time.perf_counter()

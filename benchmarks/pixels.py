@@ -25,7 +25,7 @@ from auroraqd.descriptors.networks import Image
 
 GENERATIONS, BATCH, CELLS, BINS = 80, 100, 2_000, 15
 SIZE, RADIUS = 32, 2.5  # pixels
-SMALL = Image(maps=(4, 8), hidden=16, steps=30)  # a network to see it work
+SMALL = Image(maps=(4,), hidden=8, steps=30)  # a network to see it work
 
 
 def places(genotypes):
