@@ -42,7 +42,7 @@ OF_BENCHMARKS = {  # the packages that they need
 }
 OF_DESCRIPTORS = {"UMAP": "umap", "t-SNE": "openTSNE"}
 # Only what was run can say: a line of a table with numbers, the shares of waiting.py, or what endurance.py compares.
-RAN = re.compile(r"^\|[-|]+\|\n(\|.*\n)*?\|.*\d|^ +\d+ +\d+% +\d+%$|^the same repertoire, byte for byte: True$", re.MULTILINE)
+RAN = re.compile(r"^\|[-| ]+\|\n(\|.*\n)*?\|.*\d|^ +\d+ +\d+% +\d+%$|^the same repertoire, byte for byte: True$", re.MULTILINE)
 SMALL = 20  # generations, where a document says hundreds
 
 
