@@ -171,20 +171,12 @@ class Budget(NamedTuple):
 
 QUICK = Budget(1, 3, 5, 1, 1, 1, 3)
 SOME = ("hand-coded", AURORA, "random", "novelty", "goals")  # algorithms, to see it work
-BRIEF = "min_steps=10,max_epochs=1,repeats=1"  # training of auto-encoders, to see it work
 
 
-def quickened(experiments: Mapping[Any, Experiment], names: Collection[str]) -> dict[Any, Experiment]:
-    """The same of some variants, with auto-encoders that are hardly trained."""
-    kept = {key: {n: _quickened(v) for n, v in e.variants.items() if n in names} for key, e in experiments.items()}
+def some(experiments: Mapping[Any, Experiment], names: Collection[str]) -> dict[Any, Experiment]:
+    """The same of some variants."""
+    kept = {key: {n: v for n, v in e.variants.items() if n in names} for key, e in experiments.items()}
     return {key: replace(experiment, variants=kept[key]) for key, experiment in experiments.items()}
-
-
-def _quickened(variant: Variant) -> Variant:
-    kind, _, parameters = variant.settings["descriptor"].partition(":")
-    if kind != "autoencoder":
-        return variant
-    return replace(variant, settings={**variant.settings, "descriptor": f"{kind}:{parameters and parameters + ','}{BRIEF}"})
 
 
 class Speed(NamedTuple):
@@ -434,7 +426,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.quick:
         out = options.out / "quick"
-        grow_all(out, quickened(ALGORITHMS, SOME), QUICK, jobs=0)
+        grow_all(out, some(ALGORITHMS, SOME), QUICK, jobs=0)
     else:
         out = options.out
         grow_all(out, ALGORITHMS, Budget(options.seeds), options.jobs)

@@ -147,14 +147,12 @@ if __name__ == "__main__":
     parser.add_argument("--rows", type=int, default=5_000)
     parser.add_argument("--components", type=int, default=2)
     parser.add_argument("--run", action="store_true")
-    parser.add_argument(
-        "--quick", action="store_true", help="100 gaits, or two generations, of three encoders; networks hardly trained"
-    )
+    parser.add_argument("--quick", action="store_true", help="100 gaits, or two generations, of two encoders, hardly trained")
     chosen = parser.parse_args()
-    training, rows, generations, names = {}, chosen.rows, GENERATIONS, [*encoders(2)]
+    training, rows, generations, names = {}, chosen.rows, GENERATIONS, chosen.only or [*encoders(2)]
     if chosen.quick:
-        training, rows, generations, names = BRIEF, 100, 2, ["PCA", "Isomap", "mlp"]
+        training, rows, generations, names = BRIEF, 100, 2, names[:2]
     if chosen.run:
-        runs(chosen.only or names, chosen.gait, chosen.components, generations, training)
+        runs(names, chosen.gait, chosen.components, generations, training)
     else:
-        fits(chosen.only or names, chosen.gait, rows, chosen.components, training)
+        fits(names, chosen.gait, rows, chosen.components, training)

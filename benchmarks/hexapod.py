@@ -325,11 +325,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--evaluations", type=int, default=6000, help="of each run")
     parser.add_argument("--out", type=Path, default=Path("results/hexapod"))
-    parser.add_argument("--quick", action="store_true", help="one seed of 10 evaluations, two damages, into OUT/quick")
+    parser.add_argument("--quick", action="store_true", help="one seed of 10 evaluations, one damage, into OUT/quick")
     options, damages, repeats, batch, frames = parser.parse_args(), [*DAMAGES], 5, ROBOTS, 6
     if options.quick:
         options.seeds, options.evaluations, options.out = 1, 10, options.out / "quick"
-        damages, repeats, batch, frames = damages[:2], 1, 2, 2
+        damages, repeats, batch, frames = damages[:1], 1, 2, 2
     runs, table = options.out / "runs", options.out / "trials.csv"
     runs.mkdir(parents=True, exist_ok=True)
     report_physics(repeats, batch)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from comparison import STORED, filled, grown, page_of, quickened
+from comparison import STORED, filled, grown, page_of, some
 
 from auroraqd import emitters, metrics
 from auroraqd._files import folder_at
@@ -149,7 +149,7 @@ def main() -> None:
     options = parser.parse_args()
     out = options.out / "quick" if options.quick else options.out
     seeds, generations, jobs = (1, 3, 0) if options.quick else (options.seeds, 1_000, options.jobs)
-    experiments = quickened(EXPERIMENTS, SOME) if options.quick else EXPERIMENTS
+    experiments = some(EXPERIMENTS, SOME) if options.quick else EXPERIMENTS
     ledgers = {
         task: grown(experiment, folder_at(out) / f"seeing-{task}", dict.fromkeys(experiment.variants, seeds), generations, jobs)
         for task, experiment in experiments.items()
