@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
 from damage import FAILS, TRIALS, away, by_chance, discovered, imagined, tried, without_joint
 
 FOLDER = Path("runs/damage")
-QUICK = {"goals": 2, "generations": 20, "folder": FOLDER / "quick"}
+QUICK = {"goals": 1, "generations": 20, "chances": 2_000, "folder": FOLDER / "quick"}
 LOOKS = (5, 10, 20)  # trials after which distances are compared
 NEAR = 0.1  # m
 IN_ORDER = "best promises in order"
@@ -67,11 +67,11 @@ class Case(NamedTuple):
         return np.linalg.norm(self.ends - self.goal, axis=1)
 
 
-def cases(arm, repertoire, goals: int, rng) -> Iterator[Case]:
-    """So many goals for each joint."""
+def cases(arm, repertoire, goals: int, chances: int, rng) -> Iterator[Case]:
+    """So many goals for each joint, of the outcomes of so many random controllers."""
     for joint in range(air_hockey.JOINTS):
         paths = arm(without_joint(repertoire.genotype, joint)).observation
-        reached = by_chance(arm, joint, rng)
+        reached = by_chance(arm, joint, rng, chances)
         for goal in away(reached)[:goals]:
             yield Case(joint, goal, reached, paths)
 
@@ -107,12 +107,12 @@ def spaces_of(repertoire) -> dict[str, np.ndarray]:
     return {"descriptor": repertoire.descriptor, "genotype": repertoire.genotype, BOTH: both}
 
 
-def compare(arm, repertoire, goals: int) -> tuple[list[Case], dict[str, np.ndarray]]:
+def compare(arm, repertoire, goals: int, chances: int) -> tuple[list[Case], dict[str, np.ndarray]]:
     """The goals; and distances by what chooses the trials, with those of the best of all skills."""
     promised, spaces, rng = repertoire.observation[:, -1], spaces_of(repertoire), np.random.default_rng(0)
     promises = imagined(arm, repertoire)
     seen, found = [], {name: [] for name in (*COLORS, BEST)}
-    for case in cases(arm, repertoire, goals, rng):
+    for case in cases(arm, repertoire, goals, chances, rng):
         seen.append(case)
         found["random controllers"].append(np.linalg.norm(rng.permutation(case.reached)[:TRIALS] - case.goal, axis=1))
         found["random skills"].append(case.distance[rng.choice(len(repertoire), TRIALS, replace=False)])
@@ -124,11 +124,11 @@ def compare(arm, repertoire, goals: int) -> tuple[list[Case], dict[str, np.ndarr
     return seen, so_far(found)
 
 
-def ablate(arm, repertoire, goals: int) -> dict[str, np.ndarray]:
+def ablate(arm, repertoire, goals: int, chances: int) -> dict[str, np.ndarray]:
     """Distances for each space with each of what trials may tell, on other goals."""
     promised, spaces = repertoire.observation[:, -1], spaces_of(repertoire)
     found = {f"{told}, {space}": [] for told in ("performance", "outcome") for space in spaces} | {IN_ORDER: []}
-    for case in cases(arm, repertoire, goals, np.random.default_rng(1)):
+    for case in cases(arm, repertoire, goals, chances, np.random.default_rng(1)):
         for name, space in spaces.items():
             found[f"performance, {name}"].append(case.distance[by_performance(case, space, promised)])
             found[f"outcome, {name}"].append(case.distance[by_outcome(case, space, promised)])
@@ -243,18 +243,23 @@ def draw_room(axes, case: Case, repertoire) -> None:
 
 
 def main(
-    goals: int = 30, generations: int = 1000, restitution_threshold: float = 1, seed: int = 1, folder: Path = FOLDER
+    goals: int = 30,
+    generations: int = 1000,
+    restitution_threshold: float = 1,
+    seed: int = 1,
+    chances: int = 20_000,
+    folder: Path = FOLDER,
 ) -> None:
     run = folder / f"seed-{seed}-threshold-{restitution_threshold:g}-generations-{generations}"
     arm, repertoire = discovered(generations, restitution_threshold, run, seed)
     number = goals * air_hockey.JOINTS
     print(f"### An arm that lost a joint: {len(repertoire):,} skills, {number} goals, distance in metres, median (quartiles)\n")
-    seen, distances = compare(arm, repertoire, goals)
+    seen, distances = compare(arm, repertoire, goals, chances)
     table(distances)
     tests(distances)
     draw(seen, distances, repertoire, folder / "damage.png")
     print(f"\n### Which change does it: {number} other goals, medians; after {TRIALS} trials beside {IN_ORDER}\n", flush=True)
-    ablation(ablate(arm, repertoire, goals))
+    ablation(ablate(arm, repertoire, goals, chances))
     print("\n### By how much the displacements of two skills differ, metres, median\n")
     displacements(arm, repertoire)
 
@@ -265,6 +270,6 @@ if __name__ == "__main__":
     parser.add_argument("--generations", type=int, default=1000, help="of the repertoire")
     parser.add_argument("--restitution-threshold", type=float, default=1, help="m/s, slower impacts do not bounce")
     parser.add_argument("--seed", type=int, default=1, help="of the repertoire")
-    parser.add_argument("--quick", action="store_true", help="2 goals, 20 generations, into runs/damage/quick")
+    parser.add_argument("--quick", action="store_true", help="1 goal, 20 generations, into runs/damage/quick")
     options = vars(parser.parse_args())
     main(**options | (QUICK if options.pop("quick") else {}))

@@ -17,7 +17,8 @@ import argparse
 import itertools
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -169,19 +170,13 @@ class Budget(NamedTuple):
 
 
 QUICK = Budget(1, 3, 5, 1, 1, 1, 3)
-BRIEF = "min_steps=10,max_epochs=1,repeats=1"  # training of auto-encoders, to see it work
+SOME = ("hand-coded", AURORA, "random", "novelty", "goals")  # algorithms, to see it work
 
 
-def quickened(experiments: Mapping[Any, Experiment]) -> dict[Any, Experiment]:
-    """The same with auto-encoders that are hardly trained."""
-    return {key: replace(e, variants={n: _quickened(v) for n, v in e.variants.items()}) for key, e in experiments.items()}
-
-
-def _quickened(variant: Variant) -> Variant:
-    kind, _, parameters = variant.settings["descriptor"].partition(":")
-    if kind != "autoencoder":
-        return variant
-    return replace(variant, settings={**variant.settings, "descriptor": f"{kind}:{parameters and parameters + ','}{BRIEF}"})
+def some(experiments: Mapping[Any, Experiment], names: Collection[str]) -> dict[Any, Experiment]:
+    """The same of some variants."""
+    kept = {key: {n: v for n, v in e.variants.items() if n in names} for key, e in experiments.items()}
+    return {key: replace(experiment, variants=kept[key]) for key, experiment in experiments.items()}
 
 
 class Speed(NamedTuple):
@@ -222,17 +217,21 @@ def speeds(path: Path, experiment: Experiment, rounds: int, generations: int) ->
 
 
 def grown(experiment: Experiment, folder: Path, seeds: Mapping[str, int], generations: int, jobs: int) -> Ledger:
-    """An experiment with as many seeds of each variant, those runs that were missing done."""
+    """An experiment with as many seeds of each variant, those runs that were missing done.
+
+    With 0 jobs they are done in this process: others take seconds to start.
+    """
+    cluster = None if jobs else ThreadPoolExecutor(1)
     ledger, base = Ledger(folder), Settings(task=experiment.task, generations=generations)
     for number in sorted(set(seeds.values()), reverse=True):
         names = [name for name in experiment.variants if seeds[name] == number]
         missing, settings = plan(ledger, experiment, names, number, base)
         if missing:
             folder_at(folder)
-            left = TimeLeft(missing, jobs, [(experiment.name, ledger.results)])
+            left = TimeLeft(missing, jobs or 1, [(experiment.name, ledger.results)])
             with ExperimentProgress(Console(stderr=True), len(missing), left) as progress:
                 progress.begin(experiment.name)
-                execute(missing, settings, ledger, jobs, progress)
+                execute(missing, settings, ledger, jobs or 1, progress, cluster)
             if progress.failed:
                 raise SystemExit("; ".join(progress.failed))
     return ledger
@@ -420,12 +419,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/comparison"), help="where results are, and more are added")
     parser.add_argument("--seeds", type=int, default=Budget().seeds, help="of each algorithm")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once, of all but the sphere")
-    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
+    parser.add_argument(
+        "--quick", action="store_true", help="some algorithms, three generations, in one process, into OUT/quick; also the page"
+    )
     parser.add_argument("--page", type=Path, help="whose tables and figures are replaced by those that come out")
     options = parser.parse_args()
     if options.quick:
         out = options.out / "quick"
-        grow_all(out, quickened(ALGORITHMS), QUICK, jobs=1)
+        grow_all(out, some(ALGORITHMS, SOME), QUICK, jobs=0)
     else:
         out = options.out
         grow_all(out, ALGORITHMS, Budget(options.seeds), options.jobs)

@@ -105,10 +105,14 @@ def killed(times, generations):
         run = ["run", "air-hockey", "--generations", str(generations), *options, "--out"]
         subprocess.run([*command, *run, alone], check=True, stdout=subprocess.DEVNULL)
         print(f"### A run of {generations:,} generations on the air-hockey task, killed {times} times\n")
+
+        def going_on():
+            begun = (ended / folders.REPERTOIRE).is_file()  # or it was killed before there was anything to go on from
+            return [*command, *(["resume", ended, *options] if begun else [*run, ended, "--overwrite"])]
+
         generation = 0
-        for kill in range(times):
-            arguments = [*run, ended] if kill == 0 else ["resume", ended, *options]
-            process = subprocess.Popen([*command, *arguments], stdout=subprocess.DEVNULL)
+        for _ in range(times):
+            process = subprocess.Popen(going_on(), stdout=subprocess.DEVNULL)
             time.sleep(rng.uniform(2, 5.5))  # about two of them until it is at work
             process.send_signal(signal.SIGKILL)
             process.wait()
@@ -116,7 +120,7 @@ def killed(times, generations):
                 generation = auroraqd.resume(ended).generation
             print(f"killed, {generation} generations are kept", flush=True)
         if generation < generations:
-            subprocess.run([*command, "resume", ended, *options], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run(going_on(), check=True, stdout=subprocess.DEVNULL)
         same = (alone / folders.REPERTOIRE).read_bytes() == (ended / folders.REPERTOIRE).read_bytes()
         history = [[record[:-1] for record in folders.load_history(path)] for path in (alone, ended)]
         configs = [json.loads((path / folders.CONFIG).read_text()) for path in (alone, ended)]

@@ -25,7 +25,6 @@ import auroraqd
 
 STEPS = 50
 OPENED, POINTED = 5, 60  # times
-BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of the auto-encoder, to see it work
 COLUMNS = "descriptor", "load", "written, s", "MB", "first paint, ms", "all drawn, ms"
 COLUMNS += "pointing: panel changed, ms (95%)", "drawn, ms (95%)", "computed, ms"
 LISTEN = """window.times = []; let since = 0;
@@ -111,16 +110,16 @@ def pointing(driver, times):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--skills", type=int, default=20_000)
-    parser.add_argument("--quick", action="store_true", help="200 skills, opened once, pointed at twice")
+    parser.add_argument("--quick", action="store_true", help="200 skills with PCA, opened once, pointed at twice")
     options = parser.parse_args()
     n, opened, pointed = (200, 1, 2) if options.quick else (options.skills, OPENED, POINTED)
-    training = BRIEF if options.quick else {}
+    transformers = [PCA(n_components=2), auroraqd.AutoEncoder(n_components=2)][: 1 if options.quick else 2]
     print(f"### The explorer, {n:,} skills of {2 * STEPS} numbers, in Chromium\n")
     print(f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
     driver = browser()
     try:
         with tempfile.TemporaryDirectory() as folder:
-            for transformer in (PCA(n_components=2), auroraqd.AutoEncoder(n_components=2, **training)):
+            for transformer in transformers:
                 skills, path = repertoire(transformer, n), Path(folder) / "skills.html"
                 since = time.perf_counter()
                 auroraqd.report.explore(skills, path)

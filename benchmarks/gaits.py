@@ -27,7 +27,7 @@ from auroraqd.metrics import reconstruction_error
 STEPS, JOINTS, SECONDS = 200, 12, 4.0
 TIME, JOINT = np.linspace(0, SECONDS, STEPS)[:, None], np.arange(JOINTS)
 GENERATIONS, BATCH, CELLS, BINS = 50, 60, 500, 6
-BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of auto-encoders, to see it work
+BRIEF = {"min_steps": 100, "max_epochs": 1, "repeats": 1}  # training of auto-encoders, to see it work
 
 
 def _swings(amplitude, frequency, phase):
@@ -142,15 +142,17 @@ def runs(names, gait, d, generations, training):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", choices=encoders(2), default=list(encoders(2)))
+    parser.add_argument("--only", nargs="+", choices=encoders(2), help="default: all")
     parser.add_argument("--gait", choices=GAITS, default="wave")
     parser.add_argument("--rows", type=int, default=5_000)
     parser.add_argument("--components", type=int, default=2)
     parser.add_argument("--run", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="100 gaits, or two generations; networks hardly trained")
+    parser.add_argument("--quick", action="store_true", help="100 gaits, or two generations, of two encoders, hardly trained")
     chosen = parser.parse_args()
-    training, rows, generations = (BRIEF, 100, 2) if chosen.quick else ({}, chosen.rows, GENERATIONS)
+    training, rows, generations, names = {}, chosen.rows, GENERATIONS, chosen.only or [*encoders(2)]
+    if chosen.quick:
+        training, rows, generations, names = BRIEF, 100, 2, names[:2]
     if chosen.run:
-        runs(chosen.only, chosen.gait, chosen.components, generations, training)
+        runs(names, chosen.gait, chosen.components, generations, training)
     else:
-        fits(chosen.only, chosen.gait, rows, chosen.components, training)
+        fits(names, chosen.gait, rows, chosen.components, training)

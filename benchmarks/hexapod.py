@@ -168,6 +168,7 @@ class Results:
 
     def __init__(self, trials: list[Trial], best: dict[tuple[str, int], float]):
         self.best, self._speeds, self._enough = best, {}, {}
+        self.damages = list(dict.fromkeys(trial.damage for trial in trials))
         for trial in trials:
             key = trial.variant, trial.method, trial.damage, trial.seed
             self._speeds.setdefault(key, []).append(trial.speed)
@@ -224,7 +225,7 @@ def report_trials(results: Results) -> None:
             print(f"| {method} | {' | '.join(texts)} |")
     print(f"\n### {TRIALS} trials: median speed recovered, m/s, of {AURORA} and {HAND_CODED}\n")
     print(f"| | {' | '.join(COLORS)} |\n{'|---' * (len(COLORS) + 1)}|")
-    for damage in DAMAGES:
+    for damage in results.damages:
         texts = [
             ", ".join(f"{np.median(results.found(v, method, damage, share=False)[:, -1]):.3f}" for v in (AURORA, HAND_CODED))
             for method in COLORS
@@ -257,10 +258,12 @@ def figure_of(results: Results) -> Figure:
                 middle = np.median(results.found(variant, method), axis=0)
                 narrow.plot(np.arange(len(middle)) + 1, middle, color=color, linewidth=1.8, label=method)
             wide.set(title=f"{variant}: speed after {TRIALS} trials, as a share of the best before", ylim=(0, None))
-            wide.set_xticks(range(len(DAMAGES)), [fill(name.replace("-", " "), 9) for name in DAMAGES], fontsize=8)
-            for line in range(1, len(DAMAGES)):
+            wide.set_xticks(
+                range(len(results.damages)), [fill(name.replace("-", " "), 9) for name in results.damages], fontsize=8
+            )
+            for line in range(1, len(results.damages)):
                 wide.axvline(line - 0.5, color="#eeeeee", linewidth=0.8, zorder=0)
-            wide.set_xlim(-0.5, len(DAMAGES) - 0.5)
+            wide.set_xlim(-0.5, len(results.damages) - 0.5)
             narrow.set(title="median of all damages", xlabel="trials", xticks=(1, 5, 10, 15, 20))
         figure.legend(*rows[0, 1].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
     return figure
@@ -268,7 +271,7 @@ def figure_of(results: Results) -> Figure:
 
 def draw_damages(axes, results: Results, variant: str, method: str, aside: float) -> None:
     """Seeds as points, quartiles as a bar, the median as a line across it."""
-    for place, damage in enumerate(DAMAGES):
+    for place, damage in enumerate(results.damages):
         values = results.found(variant, method, damage)[:, -1]
         middle, low, high = Quartiles.of(values)
         x = place + aside
@@ -322,11 +325,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--evaluations", type=int, default=6000, help="of each run")
     parser.add_argument("--out", type=Path, default=Path("results/hexapod"))
-    parser.add_argument("--quick", action="store_true", help="one seed of 10 evaluations, into OUT/quick")
-    options, repeats, batch, frames = parser.parse_args(), 5, ROBOTS, 6
+    parser.add_argument("--quick", action="store_true", help="one seed of 10 evaluations, one damage, into OUT/quick")
+    options, damages, repeats, batch, frames = parser.parse_args(), [*DAMAGES], 5, ROBOTS, 6
     if options.quick:
         options.seeds, options.evaluations, options.out = 1, 10, options.out / "quick"
-        repeats, batch, frames = 1, 2, 2
+        damages, repeats, batch, frames = damages[:1], 1, 2, 2
     runs, table = options.out / "runs", options.out / "trials.csv"
     runs.mkdir(parents=True, exist_ok=True)
     report_physics(repeats, batch)
@@ -336,7 +339,7 @@ def main() -> None:
         for variant in (AURORA, HAND_CODED):
             repertoires[variant, seed] = repertoire = discovered(variant, seed, options.evaluations, runs)
             promises = imagined(repertoire, runs / f"{variant}-{seed}-damaged.npy")
-            for damage in DAMAGES:
+            for damage in damages:
                 if not any(trial[:3] == (variant, seed, damage) for trial in trials):
                     trials += trials_of(variant, seed, damage, repertoire, promises)
             write(table, trials)

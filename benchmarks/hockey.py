@@ -21,7 +21,6 @@ import box2d
 
 BATCH = 200
 ENGINE = 100  # evaluations in the engine
-BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of the auto-encoder, to see it work
 
 
 def evaluations(generations, looks):
@@ -57,12 +56,12 @@ def seconds(task, genotypes):
     return time.perf_counter() - since
 
 
-def paper_size(generations, training):
+def paper_size(generations, descriptors):
     """Runs of paper size."""
     task = auroraqd.tasks.AirHockey()
     print(f"\n### A run of paper size on the air-hockey task: {generations} generations of {BATCH}\n")
     print("| descriptor | seconds | stored | diversity, 10 x 10 |\n|---|---|---|---|")
-    for name, descriptor in (("PCA", PCA(n_components=2)), ("AutoEncoder", auroraqd.AutoEncoder(n_components=2, **training))):
+    for name, descriptor in descriptors.items():
         aurora = auroraqd.Aurora(8, descriptor, seed=0, variation=auroraqd.Polynomial(at_least_one=False))
         since = time.perf_counter()
         aurora.run(task, generations=generations)
@@ -85,11 +84,12 @@ def agreement(pushing, still):
 
 def main(quick=False):
     evaluations(*((20, 20) if quick else (300, 300)))
-    paper_size(*((20, BRIEF) if quick else (5000, {})))
+    pca = {"PCA": PCA(n_components=2)}
+    paper_size(*((20, pca) if quick else (5000, {**pca, "AutoEncoder": auroraqd.AutoEncoder(n_components=2)})))
     agreement(*((20, 5) if quick else (240, 60)))
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="runs of 20 generations, 25 genotypes in the engine")
+    parser.add_argument("--quick", action="store_true", help="a run of 20 generations, 25 genotypes in the engine")
     main(parser.parse_args().quick)

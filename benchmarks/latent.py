@@ -15,7 +15,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from comparison import ALGORITHMS, ISOMETRIC, PathLength, filled, grown, page_of, quickened
+from comparison import ALGORITHMS, ISOMETRIC, PathLength, filled, grown, page_of, some
 from matplotlib.figure import Figure
 
 from auroraqd._files import folder_at
@@ -57,6 +57,7 @@ def latent(experiment: Experiment) -> Experiment:
     return replace(experiment, variants={variant.name: variant for variant in (*reference, *ours)}, measures=measures)
 
 
+SOME = ("hand-coded", named("pca", 2), named("pca", 20))  # to see it work
 EXPERIMENTS = {task: latent(experiment) for task, experiment in ALGORITHMS.items()}
 
 
@@ -113,19 +114,21 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="of PCA")
     parser.add_argument("--trained", type=int, default=5, help="seeds of auto-encoders")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once")
-    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
+    parser.add_argument(
+        "--quick", action="store_true", help="some sizes, three generations, in one process, into OUT/quick; also the page"
+    )
     parser.add_argument("--page", type=Path, help="whose table and figure are replaced by those that come out")
     options = parser.parse_args()
     out = options.out / "quick" if options.quick else options.out
     seeds, trained, generations = (1, 1, 3) if options.quick else (options.seeds, options.trained, 1_000)
-    experiments = quickened(EXPERIMENTS) if options.quick else EXPERIMENTS
+    experiments = some(EXPERIMENTS, SOME) if options.quick else EXPERIMENTS
     ledgers = {
         task: grown(
             experiment,
             out / f"latent-{task}",
             {name: trained if name.startswith("ae-") else seeds for name in experiment.variants},
             generations,
-            1 if options.quick else options.jobs,
+            0 if options.quick else options.jobs,
         )
         for task, experiment in experiments.items()
     }

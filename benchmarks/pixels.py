@@ -14,7 +14,7 @@ import argparse
 import resource
 import time
 import warnings
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 from sklearn.decomposition import PCA
@@ -25,7 +25,7 @@ from auroraqd.descriptors.networks import Image
 
 GENERATIONS, BATCH, CELLS, BINS = 80, 100, 2_000, 15
 SIZE, RADIUS = 32, 2.5  # pixels
-BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training of auto-encoders, to see it work
+SMALL = Image(maps=(4,), hidden=8, steps=30)  # a network to see it work
 
 
 def places(genotypes):
@@ -78,16 +78,16 @@ def tsne():
     return TSNE(n_components=2, random_state=0)
 
 
-EXTRA = {"UMAP": lambda **_: OnFlat(umap()), "t-SNE": lambda **_: OnFlat(tsne())}
-DESCRIPTORS = {  # the training is that of auto-encoders
-    "hand-coded": lambda **_: "hand-coded",
-    "genotype": lambda **_: "genotype",
-    "PCA": lambda **_: PCA(n_components=2),
-    "Isomap": lambda **_: OnFlat(Isomap(n_neighbors=8, n_components=2)),
-    "mlp": partial(auroraqd.AutoEncoder, 2, network="mlp"),
-    "euclidean": partial(auroraqd.AutoEncoder, 2, metric="euclidean"),
-    "measured": partial(auroraqd.AutoEncoder, 2, metric="measured"),
-    "geodesic": partial(auroraqd.AutoEncoder, 2),
+EXTRA = {"UMAP": lambda: OnFlat(umap()), "t-SNE": lambda: OnFlat(tsne())}
+DESCRIPTORS = {
+    "hand-coded": lambda: "hand-coded",
+    "genotype": lambda: "genotype",
+    "PCA": lambda: PCA(n_components=2),
+    "Isomap": lambda: OnFlat(Isomap(n_neighbors=8, n_components=2)),
+    "mlp": lambda: auroraqd.AutoEncoder(2, network="mlp"),
+    "euclidean": lambda: auroraqd.AutoEncoder(2, metric="euclidean"),
+    "measured": lambda: auroraqd.AutoEncoder(2, metric="measured"),
+    "geodesic": lambda: auroraqd.AutoEncoder(2),
 }
 SAID = {
     "mlp": "AutoEncoder, network='mlp'",
@@ -103,28 +103,28 @@ def spread(place):
     return round(auroraqd.metrics.coverage(place, **cells) * BINS**2), auroraqd.metrics.effective_cells(place, **cells)
 
 
-def runs(names, seed, generations, training):
+def runs(names, seed, generations):
     print(f"### Images of a disc: {generations} generations of {BATCH}, seed {seed}\n")
     print(f"| descriptor | stored | coverage of {BINS * BINS} | effective cells | seconds |\n|---|---|---|---|---|")
     for name in names:
         options = {"seed": seed, "batch_size": BATCH, "resolution": auroraqd.VAT(cells=CELLS)}
         since = time.perf_counter()
-        aurora = auroraqd.Aurora(3, {**DESCRIPTORS, **EXTRA}[name](**training), **options).run(disc, generations=generations)
+        aurora = auroraqd.Aurora(3, {**DESCRIPTORS, **EXTRA}[name](), **options).run(disc, generations=generations)
         seconds = time.perf_counter() - since
         coverage, effective = spread(aurora.archive.ground_truth)
         print(f"| {SAID.get(name, name)} | {len(aurora.archive)} | {coverage} | {effective:.0f} | {seconds:.0f} |", flush=True)
 
 
-def update(rows, training, size=64):
+def update(rows, size, network):
     """One fit, and encoding a batch of 200: seconds, and what memory they take beyond the images."""
     rng = np.random.default_rng(0)
     x = np.concatenate([images(rng.random((500, 2)), size, 5.0, (1.0, 0.5, 0.2)) for _ in range(rows // 500)])
     with warnings.catch_warnings(action="ignore"):  # one step learns nothing
-        auroraqd.AutoEncoder(2, network=Image(steps=1), repeats=1, random_state=0).fit(x[:100])
+        auroraqd.AutoEncoder(2, network=replace(network, steps=1), repeats=1, random_state=0).fit(x[:100])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     since = time.perf_counter()
     used = time.process_time()
-    encoder = auroraqd.AutoEncoder(2, random_state=0, **training).fit(x)
+    encoder = auroraqd.AutoEncoder(2, network=network, random_state=0).fit(x)
     fitted, used = time.perf_counter() - since, time.process_time() - used
     memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     encoder.transform(x[:200])
@@ -139,13 +139,15 @@ def update(rows, training, size=64):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", choices=[*DESCRIPTORS, *EXTRA], default=list(DESCRIPTORS))
+    parser.add_argument("--only", nargs="+", choices=[*DESCRIPTORS, *EXTRA], help="default: all but UMAP and t-SNE")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--update", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="two generations, or 500 images; networks hardly trained")
+    parser.add_argument("--quick", action="store_true", help="two generations, without networks, or 500 small images")
     chosen = parser.parse_args()
-    training, generations, rows = (BRIEF, 2, 500) if chosen.quick else ({}, GENERATIONS, 10_000)
+    generations, rows, size, network, names = GENERATIONS, 10_000, 64, Image(), [*DESCRIPTORS]
+    if chosen.quick:
+        generations, rows, size, network, names = 2, 500, 16, SMALL, ["hand-coded", "PCA", "Isomap"]
     if chosen.update:
-        update(rows, training)
+        update(rows, size, network)
     else:
-        runs(chosen.only, chosen.seed, generations, training)
+        runs(chosen.only or names, chosen.seed, generations)

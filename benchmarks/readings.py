@@ -3,6 +3,7 @@
     auroraqd reproduce ballistic --replications 5 --out runs/ballistic
     auroraqd reproduce air-hockey --replications 5 --out runs/air-hockey
     python benchmarks/readings.py runs/ballistic runs/air-hockey
+    python benchmarks/readings.py runs/ballistic --quick    # to see it work, with one run of each variant
 
 Of throws, what the Kullback-Leibler coverage comes to when its histogram is made in other ways, and what it is between
 hand-coded repertoires of different seeds. Of air hockey, how many final positions are near a wall, and what the diversity is
@@ -61,19 +62,20 @@ READINGS: dict[str, Callable[[np.ndarray, np.ndarray], float]] = {
 }
 
 
-def repertoires(ledger: Ledger, variant: str) -> dict[int, auroraqd.Repertoire]:
-    """By replication, those that are there."""
-    folders = {replication: ledger.run_folder(variant, replication) for replication in sorted(ledger.done(variant))}
+def repertoires(ledger: Ledger, variant: str, most: int | None) -> dict[int, auroraqd.Repertoire]:
+    """By replication, those that are there, of so many at most."""
+    folders = {replication: ledger.run_folder(variant, replication) for replication in sorted(ledger.done(variant))[:most]}
     return {replication: auroraqd.load(folder) for replication, folder in folders.items() if folder.is_dir()}
 
 
-def throws(ledger: Ledger) -> None:
+def throws(ledger: Ledger, most: int | None) -> None:
     """Readings of the KLC, medians over replications; and the noise floor."""
-    references = {replication: found.ground_truth for replication, found in repertoires(ledger, "hand-coded").items()}
+    references = {replication: found.ground_truth for replication, found in repertoires(ledger, "hand-coded", most).items()}
     print("### Readings of the KLC, medians\n")
     print(f"| variant | runs | {' | '.join(READINGS)} | paper |\n|---|---|{'---|' * len(READINGS)}---|")
     for name, variant in BALLISTIC.variants.items():
-        pairs = [(references[i], found.ground_truth) for i, found in repertoires(ledger, name).items() if name != "hand-coded"]
+        others = {} if name == "hand-coded" else repertoires(ledger, name, most)
+        pairs = [(references[i], found.ground_truth) for i, found in others.items()]
         if pairs:
             cells = [f"{np.median([reading(*pair) for pair in pairs]):.3f}" for reading in READINGS.values()]
             paper = "" if variant.paper is None else f"{variant.paper:g}"
@@ -84,7 +86,7 @@ def throws(ledger: Ledger) -> None:
         print(f"{np.median(floor):.4f}, largest {max(floor):.4f}, of {len(floor)} ordered pairs")
 
 
-def hockey(ledger: Ledger) -> None:
+def hockey(ledger: Ledger, most: int | None) -> None:
     """Final positions near a wall, and diversity of as many individuals."""
     reach = air_hockey.WALL - air_hockey.PUCK
     even = 1 - (1 - NEAR / reach) ** 2
@@ -92,7 +94,7 @@ def hockey(ledger: Ledger) -> None:
     print(f"diversity, 20 x 20, of {DRAWN:,} individuals drawn at random: smallest and largest over the runs\n")
     print(f"| variant | runs | near a wall | diversity of {DRAWN:,} |\n|---|---|---|---|")
     for name, variant in AIR_HOCKEY.variants.items():
-        found = repertoires(ledger, name).values()
+        found = repertoires(ledger, name, most).values()
         if found:
             near = [near_a_wall(one, NEAR) for one in found]
             drawn = [diversity(sample(one.observation), bins=20) for one in found if len(one) >= DRAWN]
@@ -113,8 +115,10 @@ def task_of(folder: Path) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path, help="written by `auroraqd reproduce TASK --out FOLDER`")
-    for folder in parser.parse_args().folders:
-        {"ballistic": throws, "air-hockey": hockey}[task_of(folder)](Ledger(folder))
+    parser.add_argument("--quick", action="store_true", help="the first run of each variant")
+    options = parser.parse_args()
+    for folder in options.folders:
+        {"ballistic": throws, "air-hockey": hockey}[task_of(folder)](Ledger(folder), 1 if options.quick else None)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from comparison import STORED, filled, grown, page_of, quickened
+from comparison import STORED, filled, grown, page_of, some
 
 from auroraqd import emitters, metrics
 from auroraqd._files import folder_at
@@ -31,6 +31,7 @@ from auroraqd.tasks.maze import SIDE
 SQUARES = 20  # along each side, of the room and of the maze
 CAMERA, MAZE = "air-hockey-camera", "maze"
 EXPERT = "hand-coded"
+SOME = (EXPERT, "random", "pca")  # descriptors, to see it work
 TITLES = {CAMERA: "Air hockey", MAZE: "Maze"}
 
 
@@ -139,12 +140,16 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/seeing"), help="where results are, and more are added")
     parser.add_argument("--seeds", type=int, default=5, help="of each")
     parser.add_argument("--jobs", type=int, default=len(cores()), help="runs at once")
-    parser.add_argument("--quick", action="store_true", help="hardly anything, in one process, into OUT/quick; also the page")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="some descriptors, three generations, in one process, into OUT/quick; also the page",
+    )
     parser.add_argument("--page", type=Path, help="whose table is replaced by the one that comes out")
     options = parser.parse_args()
     out = options.out / "quick" if options.quick else options.out
-    seeds, generations, jobs = (1, 3, 1) if options.quick else (options.seeds, 1_000, options.jobs)
-    experiments = quickened(EXPERIMENTS) if options.quick else EXPERIMENTS
+    seeds, generations, jobs = (1, 3, 0) if options.quick else (options.seeds, 1_000, options.jobs)
+    experiments = some(EXPERIMENTS, SOME) if options.quick else EXPERIMENTS
     ledgers = {
         task: grown(experiment, folder_at(out) / f"seeing-{task}", dict.fromkeys(experiment.variants, seeds), generations, jobs)
         for task, experiment in experiments.items()

