@@ -133,9 +133,9 @@ def figure(found: list[Mark]) -> Figure:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/million"))
-    parser.add_argument("--quick", action="store_true", help="10^5 evaluations, into runs/million-quick")
+    parser.add_argument("--quick", action="store_true", help="10^5 evaluations, into OUT/quick")
     args = parser.parse_args()
-    folder = folder_at(Path("runs/million-quick") if args.quick else args.out)
+    folder = folder_at(args.out / "quick" if args.quick else args.out)
     found = grown(folder, 10**5 if args.quick else EVALUATIONS)
     print(table(found))
     save_figure(figure(found), folder, "million")

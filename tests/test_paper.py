@@ -185,7 +185,7 @@ def test_what_is_known_is_said_of_claims_that_do_not_agree():
 
 
 def test_the_report_of_the_committed_results_is_up_to_date():
-    """`auroraqd reproduce paper --replications 5 --out results` writes it anew."""
+    """`auroraqd reproduce paper --out results` writes it anew."""
     assert (RESULTS / "paper.md").read_text() == markdown(paper_document(LEDGERS))
     for task, experiment in EXPERIMENTS.items():
         assert (RESULTS / task / "summary.md").read_text() == summary_markdown(LEDGERS[task], experiment)
