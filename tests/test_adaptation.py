@@ -296,6 +296,18 @@ def test_numbers_of_any_size_that_is_allowed_neither_overflow_nor_vanish(size):
         assert adaptation.best is not None
 
 
+def test_arrays_may_be_used_again():
+    promise, told = np.eye(3), np.zeros(3)
+    adaptation = Adaptation(np.eye(3), promise, goal=(0, 0, 0))
+    promise[:], told[0] = 7.0, 1.0
+    adaptation.tell(1, told)
+    told[0] = 0.1
+    adaptation.tell(2, told)
+    assert adaptation.best == (2, -0.1)
+    told[0] = 9.0
+    assert adaptation.best == (2, -0.1)
+
+
 def test_a_failure_is_one_nan_or_all():
     promise = np.random.default_rng(0).random((5, 2))
     for failure in (np.nan, [np.nan, np.nan], [np.nan, 1.0]):

@@ -24,6 +24,7 @@ import auroraqd
 from auroraqd import _workers
 from auroraqd.experiments import replication, settings
 from auroraqd.experiments.catalogue import CLAIMS, EXPERIMENTS
+from auroraqd.experiments.follow_up import FOLLOW_UP
 from auroraqd.experiments.ledger import Ledger
 from auroraqd.experiments.replication import Job, Point, Result, looked_at, replicate
 from auroraqd.experiments.runner import execute, plan
@@ -248,6 +249,54 @@ def test_nothing_stored_is_said(tmp_path, monkeypatch):
     said = pytest.warns(UserWarning, match="gave no valid individual in 2 generations")
     with said, pytest.raises(ValueError, match="nothing was stored"):
         replicate(Job("hand-coded", 0, made, tmp_path, None, AIR_HOCKEY.measures), listener=lambda aurora: None)
+
+
+@pytest.mark.parametrize("experiment", [AIR_HOCKEY, FOLLOW_UP], ids=lambda experiment: experiment.name)
+def test_numbers_that_were_taken_before_an_interruption_are_kept(experiment, tmp_path, monkeypatch):
+    monkeypatch.setattr(replication, "_EVERY", 0.0)
+    made = experiment.variants["hand-coded"].of(experiment.base(12, 40), 1)
+    whole, points = replicate(Job("a", 1, made, tmp_path / "a", None, experiment.measures), listener=lambda aurora: None)
+
+    def interrupt(aurora):
+        if aurora.generation == 8:
+            raise KeyboardInterrupt
+
+    job = Job("a", 1, made, tmp_path / "b", None, experiment.measures)
+    with pytest.raises(KeyboardInterrupt):
+        replicate(job, interrupt)
+    done = []
+    again, points_again = replicate(job, lambda aurora: done.append(aurora.generation))
+    assert done == [9, 10, 11, 12]
+    assert again._replace(seconds=0) == whole._replace(seconds=0)
+    assert points_again == points
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("runs.csv", lambda text: text + text.splitlines()[1] + "\n", "runs.csv is damaged: it lists genotype 0 2 times"),
+        ("runs.csv", lambda text: text.replace("genotype,0,", "genotype,-5,", 1), "it lists a replication -5 of genotype"),
+        ("runs.csv", lambda text: "", "runs.csv is damaged: the columns must be variant, replication"),
+        ("runs.csv", lambda text: text[: text.rindex(",")], r"runs.csv is damaged: line 7 must have \d+ columns, got \d+"),
+        (
+            "curves.csv",
+            lambda text: text[: text.rindex(",")],
+            r"curves.csv is damaged: line \d+ must have \d+ columns, got \d+",
+        ),
+    ],
+)
+def test_damaged_tables(name, change, message, experiment, tmp_path):
+    shutil.copytree(experiment, tmp_path / "copy", ignore=shutil.ignore_patterns("runs"))
+    file = tmp_path / "copy" / name
+    file.write_text(change(file.read_text()))
+    with pytest.raises(ValueError, match=message):
+        Ledger(tmp_path / "copy")
+
+
+def test_budgets_are_not_mixed(experiment):
+    ledger, longer = Ledger(experiment), replace(SMALL, generations=5)
+    with pytest.raises(ValueError, match="holds results of genotype after 4 generations of 40 and not 5 generations of 40"):
+        plan(ledger, BALLISTIC, ["hand-coded", "cvt-prior"], 1, longer)
 
 
 def test_a_run_is_the_same_alone(experiment, tmp_path):

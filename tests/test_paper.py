@@ -177,6 +177,9 @@ def test_claims_about_coverage_along_a_run():
     assert verdict("coverage-random", points=along(0.66, 0.80, 0.86, 0.90)).verdict is Verdict.AGREES
     assert verdict("coverage-random", points=along(0.66, 0.85, 0.86, 0.90)).verdict is Verdict.DIFFERS
     assert verdict("coverage-random", points=along(0.66, 0.80, 0.86)).verdict is Verdict.UNKNOWN
+    assert verdict("coverage-random", points=along(0.66, 0.80, 0.86, np.nan)).verdict is Verdict.UNKNOWN
+    too_few = verdict("coverage-random", runs("random", [0.9], "coverage_40"), along(0.66))
+    assert (too_few.verdict, too_few.ours) == (Verdict.UNKNOWN, "too few runs, or too short")
 
 
 def test_what_is_known_is_said_of_claims_that_do_not_agree():
@@ -219,6 +222,14 @@ def test_a_report_of_one_experiment(tmp_path):
     assert rest.count("| cannot be known |") == sum(claim.experiment != "ballistic" for claim in CLAIMS)
     with pytest.raises(ValueError, match="ledgers must be of ballistic, air-hockey, follow-up, got 'chess'"):
         write_paper({"chess": LEDGERS["ballistic"]}, tmp_path)
+
+
+def test_short_runs_are_no_evidence_and_the_report_says_so(tmp_path):
+    short = Ledger(tmp_path)
+    short.results = runs("hand-coded", [0.0], generations=2) + runs("pca-incremental", [7.0], generations=2)
+    text = markdown(paper_document({"ballistic": short}))
+    assert "These runs are of another length than published, 2 generations of 200: no conclusions can be drawn." in text
+    assert "benchmarks/readings.py" not in text[: text.index("## Second scenario")]
 
 
 def job(variant, replication, experiment=BALLISTIC, path=Path()):

@@ -416,7 +416,7 @@ def test_schedules():
         (lambda: auroraqd.Doubling(first=0), "first must"),
         (lambda: auroraqd.Widening(first=0), "first must"),
         (lambda: auroraqd.Widening(more=-1), "more must"),
-        (lambda: auroraqd.Widening(first=30, most=20), "most must be first or more, which is 30, got 20"),
+        (lambda: auroraqd.Widening(first=30, most=20), "first must be most or less, got first 30 and most 20"),
         (lambda: auroraqd.Every(1.5), "generations must"),
     ],
 )

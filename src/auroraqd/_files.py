@@ -155,10 +155,13 @@ def read_table(path: Path, kind: type[_Row], *, rest: str | None = None) -> list
     """
     fields: dict[str, Any] = {name: of for name, of in kind.__annotations__.items() if name != rest}
     try:
-        header, *rows = csv.reader(text_of(path).splitlines())
+        header, *rows = list(csv.reader(text_of(path).splitlines())) or [[]]
         wanted = set(fields) - set(getattr(kind, "_field_defaults"))  # noqa: B009 - of a `NamedTuple`; earlier versions had fewer
         if not wanted <= set(header) or len(set(header)) < len(header) or (rest is None and len(header) > len(fields)):
             raise ValueError(f"the columns must be {', '.join(fields)}")
+        for line, row in enumerate(rows, start=2):
+            if len(row) != len(header):
+                raise ValueError(f"line {line} must have {len(header)} columns, got {len(row)}")
         return [_record(kind, fields, dict(zip(header, row, strict=True)), rest) for row in rows]
     except (ValueError, csv.Error) as error:
         text = f"{error}"

@@ -95,7 +95,7 @@ class Adaptation:
                 raise ValueError(f"{name} must be finite, and at most {_MOST:g} in size, got {worst:g}")
         self._kappa = number("kappa", kappa, most=_MOST, wanted=f"from 0 to {_MOST:g}")
         self._space = space / (_spread(space) * np.sqrt(space.shape[1]))
-        self._promise = promise
+        self._promise = promise.copy()
         spread = _spread(promise.reshape(-1, promise.shape[2]))
         self._scale = spread if scale is None else numbers("scale", scale)
         if self._scale.shape not in ((), spread.shape) or not ((self._scale >= 1 / _MOST) & (self._scale <= _MOST)).all():
@@ -142,7 +142,7 @@ class Adaptation:
         wanted = "a number" if self._goal is None else f"{columns} numbers, as promised"
         wanted = f"outcome must be {wanted}, finite and at most {_MOST:g} in size, or NaN for a trial that failed, got"
         try:
-            told = numbers("outcome", outcome).reshape(-1)
+            told = numbers("outcome", outcome).reshape(-1).copy()  # who tells may use the array again
         except ValueError:
             raise ValueError(f"{wanted} {shown(outcome)}") from None
         failed = bool(np.isnan(told).any())

@@ -71,18 +71,18 @@ def reproduce(
         raise UserError(f"task must be one of {', '.join(EXPERIMENTS)}, {PAPER}, got {task!r}")
     experiments = [e.quickened() if quick else e for name, e in EXPERIMENTS.items() if task in (PAPER, name)]
     known = list(dict.fromkeys(name for experiment in experiments for name in experiment.variants))
-    names = known if variants == "all" else [name.strip() for name in variants.split(",")]
+    names = known if variants == "all" else [name.strip() for name in variants.split(",") if name.strip()] or [""]
     unknown = [name for name in names if name not in known]
     if unknown:
-        raise UserError(f"variants of {task} must be of {', '.join(known)}, got {', '.join(unknown)}")
+        raise UserError(f"variants of {task} must be of {', '.join(known)}, got {', '.join(unknown) or variants!r}")
+    for name, value in (("replications", replications), ("generations", generations), ("jobs", jobs)):
+        if value is not None and value < 1:
+            raise UserError(f"{name} must be 1 or more, got {value}")
     if quick:
         replications, generations = min(replications or 2, 2), min(generations or 60, 60)
         console.print(
             f"quick: {replications} replications of {generations} generations; no conclusions can be drawn", highlight=False
         )
-    for name, value in (("replications", replications), ("generations", generations), ("jobs", jobs)):
-        if value is not None and value < 1:
-            raise UserError(f"{name} must be 1 or more, got {value}")
     out = out or Path("runs") / f"reproduce-{task}{'-quick' * quick}"
     wanted = {out / e.name if task == PAPER else out: (e, [name for name in e.variants if name in names]) for e in experiments}
     _reproduce(wanted, replications, generations, jobs, scheduler)
@@ -112,7 +112,11 @@ def _reproduce(
     from auroraqd.evaluate import dask
     from auroraqd.experiments.ledger import Ledger
     from auroraqd.experiments.runner import plan
+    from auroraqd.runs.folders import CONFIG
 
+    for folder in wanted:
+        if (folder / CONFIG).exists():
+            raise UserError(f"{folder} holds a run: choose another folder for the results of an experiment")
     cluster: Any = None if scheduler is None else dask(scheduler)()
     parts = []
     for folder, (experiment, names) in wanted.items():

@@ -59,7 +59,7 @@ class Widening:
         whole("first", self.first)
         whole("more", self.more, least=0)
         if whole("most", self.most) < self.first:
-            raise ValueError(f"most must be first or more, which is {self.first}, got {self.most}")
+            raise ValueError(f"first must be most or less, got first {self.first} and most {self.most}")
 
     def __call__(self, generation: int) -> bool:
         """Whether to update before this generation is added."""

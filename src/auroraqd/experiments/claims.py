@@ -125,9 +125,11 @@ def judged(claims: Iterable[Claim], evidence: Mapping[str, Evidence]) -> list[Ju
     """Claims and the verdict by the results of each experiment; those of one without results cannot be known."""
     found = []
     for claim in claims:
-        ours, holds = claim.judge(evidence[claim.experiment]) if claim.experiment in evidence else NOTHING
+        own = evidence.get(claim.experiment)
+        ours, holds = NOTHING if own is None else claim.judge(own)
         verdict = Verdict.UNKNOWN if holds is None else Verdict.AGREES if holds else Verdict.DIFFERS
-        found.append(Judged(claim, ours or "no results of it", verdict))
+        nothing = "too few runs, or too short" if own is not None and own.results else "no results of it"
+        found.append(Judged(claim, ours or nothing, verdict))
     return found
 
 

@@ -158,7 +158,8 @@ def _along(variant: str, published: Mapping[int, float]) -> Judge:
 
     def finding(evidence: Evidence) -> Finding:
         runs = evidence.runs(variant)
-        seen = {g: [p.value(COVERAGE) for run in runs for p in run if p.generation == g] for g in published}
+        points = [p for run in runs for p in run if np.isfinite(p.value(COVERAGE))]
+        seen = {g: [p.value(COVERAGE) for p in points if p.generation == g] for g in published}
         if not all(seen.values()):
             return NOTHING
         medians = {g: float(np.median(values)) for g, values in seen.items()}

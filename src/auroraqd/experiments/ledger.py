@@ -11,6 +11,7 @@ The first three are small and say what is done; the run folders are only needed 
 import csv
 import io
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -43,6 +44,11 @@ class Ledger:
         self.results: list[Result] = _table(self.folder / RUNS, Result)
         self.points: list[Point] = _table(self.folder / CURVES, Point)
         self._settings: dict[str, Any] = _read_settings(self.folder / SETTINGS)
+        runs = Counter((result.variant, result.replication) for result in self.results)
+        for (variant, replication), times in runs.items():
+            if times > 1 or replication < 0:
+                what = f"{variant} {replication} {times} times" if times > 1 else f"a replication {replication} of {variant}"
+                raise ValueError(f"{self.folder / RUNS} is damaged: it lists {what}")
         unknown = sorted({row.variant for row in [*self.results, *self.points]} - set(self._settings))
         if unknown:
             raise ValueError(
@@ -54,9 +60,14 @@ class Ledger:
         """Make sure that results of these settings may be added.
 
         Raises:
-            ValueError: there are results of a variant with other settings.
+            ValueError: there are results of a variant with other settings, or of any with another budget.
         """
         for name, settings in variants.items():
+            for other in self.results:
+                budget, theirs = (settings.generations, settings.batch_size), (other.generations, other.batch_size)
+                if other.variant != name and theirs != budget:
+                    came = " and not ".join(f"{generations:,} generations of {size}" for generations, size in (theirs, budget))
+                    raise ValueError(f"{self.folder} holds results of {other.variant} after {came}: choose another folder")
             wanted, known = _comparable(settings), self._settings.get(name)
             if known is not None and known != wanted:
                 differ = [key for key in wanted if known.get(key) != wanted[key]]

@@ -86,7 +86,7 @@ _BALLISTIC = (
         "20 runs, 5,000 of 200",
         "the same, and at least as many runs of each",
         protocol(PAPER_1, 20, 5000, 200),
-        "Fewer runs of the slow variants; auroraqd reproduce paper adds them.",
+        "Fewer runs of some variants, or shorter ones; auroraqd reproduce paper does all.",
     ),
     _klc("hand-coded", "the hand-coded descriptor, the reference", 0.0),
     _klc("pca-incremental", "AURORA-PCA incremental", 0.051),

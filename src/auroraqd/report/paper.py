@@ -79,7 +79,13 @@ def paper_document(ledgers: Mapping[str, Ledger]) -> Document:
     ]
     for name, experiment in EXPERIMENTS.items():
         own = [one for one in found if one.claim.experiment == name]
-        blocks += [Heading(_TITLES[name]), Text(f"{len(own)} claims: {_tally(own)}."), Heading("Claims", 3), _claims(own)]
+        blocks += [Heading(_TITLES[name]), Text(f"{len(own)} claims: {_tally(own)}.")]
+        others = {(r.generations, r.batch_size) for r in ledgers[name].results} if name in ledgers else set()
+        others -= {(experiment.generations, experiment.batch_size)}
+        if others:
+            budgets = " and ".join(f"{generations:,} generations of {size}" for generations, size in sorted(others))
+            blocks.append(Text(f"These runs are of another length than published, {budgets}: no conclusions can be drawn."))
+        blocks += [Heading("Claims", 3), _claims(own, explained=not others)]
         if name in ledgers and ledgers[name].results:
             blocks += _results(ledgers[name], experiment)
     return blocks
@@ -90,10 +96,11 @@ def _tally(found: Sequence[Judged]) -> str:
     return ", ".join(f"{counts[verdict]} {verb}" for verdict, verb in _VERBS.items())
 
 
-def _claims(found: Sequence[Judged]) -> Table:
+def _claims(found: Sequence[Judged], *, explained: bool) -> Table:
+    """A line a claim; why it differs is known of runs of the published length."""
     header = ("the paper says", "where", "published", "agrees if", "here", "verdict", "what is known")
     rows = [
-        (c.text, c.section, c.published, c.criterion, one.ours, one.verdict.value, one.why)
+        (c.text, c.section, c.published, c.criterion, one.ours, one.verdict.value, one.why if explained else "")
         for one, c in ((one, one.claim) for one in found)
     ]
     return Table(header, rows, _CLAIM_WIDTHS)

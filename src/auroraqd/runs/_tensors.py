@@ -35,7 +35,7 @@ def write(path: Path, arrays: Mapping[str, np.ndarray], form: str, text: str, *,
     Raises:
         OSError: it cannot be written; what was there before stays.
     """
-    contiguous = {name: np.ascontiguousarray(array) for name, array in _apart(arrays).items()}
+    contiguous = {name: np.asarray(array, order="C") for name, array in _apart(arrays).items()}
     # One entry of metadata: of several, safetensors does not keep the order.
     content = save({**contiguous, _CHECKSUM: np.zeros(_DIGEST, np.uint8)}, {form: text})
     place = _place(content, _header(content))
