@@ -268,8 +268,8 @@ def test_numbers_that_were_taken_before_an_interruption_are_kept(experiment, tmp
     done = []
     again, points_again = replicate(job, lambda aurora: done.append(aurora.generation))
     assert done == [9, 10, 11, 12]
-    assert again._replace(seconds=0) == whole._replace(seconds=0)
-    assert points_again == points
+    assert repr(again._replace(seconds=0)) == repr(whole._replace(seconds=0))  # NaN is not NaN
+    assert repr(points_again) == repr(points)
 
 
 @pytest.mark.parametrize(
@@ -295,9 +295,9 @@ def test_damaged_tables(name, change, message, experiment, tmp_path):
 
 
 def test_budgets_are_not_mixed(experiment):
-    ledger, longer = Ledger(experiment), replace(SMALL, generations=5)
+    longer = BALLISTIC.variants["cvt-prior"].of(replace(SMALL, generations=5), 0)
     with pytest.raises(ValueError, match="holds results of genotype after 4 generations of 40 and not 5 generations of 40"):
-        plan(ledger, BALLISTIC, ["hand-coded", "cvt-prior"], 1, longer)
+        Ledger(experiment).check({"cvt-prior": longer})
 
 
 def test_a_run_is_the_same_alone(experiment, tmp_path):

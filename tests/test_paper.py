@@ -169,6 +169,20 @@ def test_claims_about_curves():
     assert speed(pca_incremental=early, hand_coded=early).verdict is Verdict.UNKNOWN
 
 
+def test_an_order_of_too_few_runs_cannot_be_known():
+    def pairs_of(n, *values):
+        return [
+            r
+            for name, value in zip(("cvt", "hand-coded", "pca-incremental", "ae-incremental"), values, strict=True)
+            for r in runs(name, around(value, n), "diversity")
+        ]
+
+    assert verdict("better-than-unsupervised", pairs_of(6, 1, 2, 3, 4)).verdict is Verdict.AGREES
+    assert verdict("better-than-unsupervised", pairs_of(6, 4, 1, 2, 3)).verdict is Verdict.DIFFERS
+    assert verdict("better-than-unsupervised", pairs_of(3, 1, 2, 3, 4)).verdict is Verdict.UNKNOWN
+    assert verdict("better-than-unsupervised", pairs_of(3, 4, 1, 2, 3)).verdict is Verdict.UNKNOWN
+
+
 def test_claims_about_coverage_along_a_run():
     def along(*values):
         steps = zip((100, 200, 400, 1000), values, strict=False)

@@ -3,13 +3,14 @@
 Here is what claims are made of; those of the paper are in `auroraqd.experiments.paper_claims`, those of the follow-up in
 `auroraqd.experiments.follow_up`. A claim that is an order of two variants agrees if the rank-sum test tells them apart in that
 order, at 5% after Holm's correction for all pairs of the same measure. A median agrees within a factor of 1.5. Claims that need
-runs that are not there cannot be known.
+runs that are not there cannot be known, nor orders of variants with so few that no outcome would tell them apart.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -69,6 +70,11 @@ class Evidence:
             self._comparisons[measure] = comparisons(self.results, measure)
         found = self._comparisons[measure]
         return found.get((one, other)) or (found[other, one].swapped if (other, one) in found else None)
+
+    def can_be_told(self, one: str, other: str, measure: str) -> bool:
+        """Whether two variants would be told apart, as many runs as there are, if these did not overlap at all."""
+        n, m = len(self.values(one, measure)), len(self.values(other, measure))
+        return 2 / comb(n + m, n) * len(self._comparisons[measure]) < LEVEL  # the exact rank-sum test, and Holm's worst case
 
     @cached_property
     def _comparisons(self) -> dict[str, dict[tuple[str, str], Comparison]]:
@@ -153,13 +159,20 @@ def _said(measure: str, one: str, other: str, evidence: Evidence, c: Comparison)
     return f"{one}, {other}: {medians}; p = {c.corrected:.2g}, A = {a:.2f} ({low:.2f}, {high:.2f})"
 
 
-def _pairs(measure: str, ones: Sequence[str], others: Sequence[str], holds: Callable[[Comparison], bool]) -> Judge:
-    """Of each of some with each of others, what a comparison must say; all must be there."""
+def _pairs(
+    measure: str, ones: Sequence[str], others: Sequence[str], holds: Callable[[Comparison], bool], *, apart: bool = False
+) -> Judge:
+    """Of each of some with each of others, what a comparison must say; all must be there.
+
+    `apart`: it must tell them apart; then those do not count of which too few runs are there to be told apart at all.
+    """
 
     def finding(evidence: Evidence) -> Finding:
         found = {(one, other): evidence.compared(one, other, measure) for one in ones for other in others}
         known = {pair: c for pair, c in found.items() if c is not None}
         text = "; ".join(_said(measure, *pair, evidence, c) for pair, c in known.items())
+        if apart:
+            known = {pair: c for pair, c in known.items() if holds(c) or evidence.can_be_told(*pair, measure)}
         verdicts = [holds(c) for c in known.values()]
         return Finding(text, False if not all(verdicts) else True if len(known) == len(found) else None)
 
@@ -168,12 +181,12 @@ def _pairs(measure: str, ones: Sequence[str], others: Sequence[str], holds: Call
 
 def higher(measure: str, ones: Sequence[str], others: Sequence[str]) -> Judge:
     """Each of some is told apart from each of others as higher."""
-    return _pairs(measure, ones, others, lambda c: c.corrected < LEVEL and c.effect.a > 0.5)
+    return _pairs(measure, ones, others, lambda c: c.corrected < LEVEL and c.effect.a > 0.5, apart=True)
 
 
 def lower(measure: str, ones: Sequence[str], others: Sequence[str]) -> Judge:
     """Each of some is told apart from each of others as lower."""
-    return _pairs(measure, ones, others, lambda c: c.corrected < LEVEL and c.effect.a < 0.5)
+    return _pairs(measure, ones, others, lambda c: c.corrected < LEVEL and c.effect.a < 0.5, apart=True)
 
 
 def alike(measure: str, ones: Sequence[str], others: Sequence[str]) -> Judge:

@@ -13,6 +13,7 @@ import io
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -63,16 +64,15 @@ class Ledger:
             ValueError: there are results of a variant with other settings, or of any with another budget.
         """
         for name, settings in variants.items():
-            for other in self.results:
-                budget, theirs = (settings.generations, settings.batch_size), (other.generations, other.batch_size)
-                if other.variant != name and theirs != budget:
-                    came = " and not ".join(f"{generations:,} generations of {size}" for generations, size in (theirs, budget))
-                    raise ValueError(f"{self.folder} holds results of {other.variant} after {came}: choose another folder")
             wanted, known = _comparable(settings), self._settings.get(name)
             if known is not None and known != wanted:
                 differ = [key for key in wanted if known.get(key) != wanted[key]]
                 came = ", ".join(f"{key} {known.get(key)!r} and not {wanted[key]!r}" for key in differ) or "others"
                 raise ValueError(f"{self.folder} holds results of {name} with other settings, {came}: choose another folder")
+        for settings, (other, known) in product(variants.values(), self._settings.items()):
+            ours, theirs = (f"{of['generations']:,} generations of {of['batch_size']}" for of in (settings.as_json(), known))
+            if ours != theirs:
+                raise ValueError(f"{self.folder} holds results of {other} after {theirs} and not {ours}: choose another folder")
 
     def done(self, variant: str) -> set[int]:
         """The replications of a variant that are done."""
