@@ -177,7 +177,7 @@ _COVERED: dict[str, tuple[str, tuple[float, ...], str]] = {
     "random": (
         "random search",
         (0.651, 0.789, 0.862, 0.890),
-        "An arm of bodies in an engine that steps covers as little as is published; benchmarks/motors.py, docs/reproduction.md.",
+        "An arm of bodies in an engine covers as little as is published; benchmarks/motors.py, docs/reproduction.md.",
     ),
     "taxons": ("TAXONS", (0.20, 0.36, 0.57, 0.82), _STORING),
     "novelty-search": ("novelty search", (0.27, 0.48, 0.73, 0.89), _STORING),
