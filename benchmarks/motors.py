@@ -16,6 +16,7 @@ coverage is read off its figure.
 
 import argparse
 import multiprocessing
+from contextlib import nullcontext
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -126,9 +127,11 @@ def main() -> None:
     print(f"| published | {' | '.join(f'{PUBLISHED[g]:.3f}' if g in PUBLISHED else '' for g in generations)} | | |")
     ours = AirHockey()(genotypes).observation
     print(row("`AirHockey`", ours[:, -1], float((np.abs(ours - START).max(axis=(1, 2)) > 1e-3).mean()), "0", generations))
-    with multiprocessing.get_context("spawn").Pool(1 if args.quick else args.jobs) as pool:
+    pool = nullcontext() if args.quick else multiprocessing.get_context("spawn").Pool(args.jobs)
+    with pool as workers:
         for name, (torque, collide) in KINDS.items():
-            found = pool.map(partial(moved, torque=torque, collide=collide), genotypes, chunksize=16)
+            trial = partial(moved, torque=torque, collide=collide)
+            found = list(map(trial, genotypes)) if workers is None else workers.map(trial, genotypes, chunksize=16)
             paths = np.array([one.path for one in found])
             short = np.quantile([one.short for one in found], [0.5, 0.9])
             moves = float((np.abs(paths - START).max(axis=(1, 2)) > 1e-3).mean())
