@@ -19,7 +19,8 @@ import shutil
 import time
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,17 +41,18 @@ from auroraqd.emitters.ribs import CMA
 from auroraqd.emitters.selection import Mixed, Novelty, Surprise, Uniform
 from auroraqd.experiments.duration import TimeLeft
 from auroraqd.experiments.ledger import Ledger
-from auroraqd.experiments.measures import Coverage, Diversity
+from auroraqd.experiments.measures import Coverage, Own
 from auroraqd.experiments.progress import ExperimentProgress
 from auroraqd.experiments.runner import execute, plan
 from auroraqd.experiments.settings import Dominated, Grid, Settings
 from auroraqd.experiments.statistics import Quartiles, rank_sums
-from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, Experiment, Variant
+from auroraqd.experiments.variants import AIR_HOCKEY, BALLISTIC, Experiment, Variant, diversity
 from auroraqd.report.style import STYLE, save_figure
 
 STORED = 5_000  # individuals, of those that take a number
 TARGETS = (1_000, 5_000, 10_000)  # of CSC
 AURORA = "aurora"
+PATH = "path"
 SPHERE = Path("sphere", "sphere.csv")
 SPEED = "speed.csv"  # beside the runs of a task
 STRATEGIES = 5  # of CMA-ME, that share a batch
@@ -95,39 +97,17 @@ OTHERS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-@dataclass(frozen=True)
-class Drawn(Diversity):
-    """The diversity of as many of the individuals, drawn at random: it compares repertoires of different sizes.
-
-    Args:
-        number: of individuals; all, where there are fewer.
+def drawn(individuals: Any, bins: int, number: int = STORED) -> float:
+    """The diversity of as many of the individuals, drawn at random, all where there are fewer: it compares repertoires of
+    different sizes.
     """
-
-    number: int = STORED
-
-    def look(self, individuals: Any) -> float:
-        """See `Diversity`."""
-        rows = np.random.default_rng(0).permutation(len(individuals))[: self.number]
-        return metrics.diversity(individuals.observation[np.sort(rows)], self.bins)
+    rows = np.random.default_rng(0).permutation(len(individuals))[:number]
+    return metrics.diversity(individuals.observation[np.sort(rows)], bins)
 
 
-@dataclass(frozen=True)
-class PathLength:
+def path_length(individuals: Any) -> float:
     """How far pucks go, in metres: the mean over the individuals of the length of their paths."""
-
-    name: str = "path"
-    title: str = "path, m"
-    form: str = "{:.2f}"
-    followed: bool = False
-    logarithmic: bool = False
-
-    def look(self, individuals: Any) -> float:
-        """See the class."""
-        return float(np.linalg.norm(np.diff(individuals.observation, axis=1), axis=2).sum(axis=1).mean())
-
-    def score(self, looked: float, reference: float) -> float:
-        """See the class."""
-        return looked
+    return float(np.linalg.norm(np.diff(individuals.observation, axis=1), axis=2).sum(axis=1).mean())
 
 
 ALGORITHMS = {
@@ -138,9 +118,9 @@ ALGORITHMS = {
         AIR_HOCKEY,
         variants=algorithms(AIR_HOCKEY),
         measures=(
-            Diversity("diversity_20", "diversity", 20, followed=False),
-            Drawn("diversity_drawn", f"of {STORED:,}", 20, followed=False),
-            PathLength(),
+            Own("diversity_20", "diversity", partial(diversity, bins=20)),
+            Own("diversity_drawn", f"of {STORED:,}", partial(drawn, bins=20)),
+            Own(PATH, "path, m", path_length, form="{:.2f}"),
         ),
         tested=("diversity_20", "diversity_drawn"),
     ),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from comparison import ALGORITHMS, ISOMETRIC, PathLength, filled, grown, page_of, some
+from comparison import ALGORITHMS, ISOMETRIC, PATH, filled, grown, page_of, some
 from matplotlib.figure import Figure
 
 from auroraqd._files import folder_at
@@ -53,7 +53,7 @@ def latent(experiment: Experiment) -> Experiment:
         for descriptor, title in DESCRIPTORS.items()
         for dimensions in DIMENSIONS
     ]
-    measures = tuple(measure for measure in experiment.measures if not isinstance(measure, PathLength))
+    measures = tuple(measure for measure in experiment.measures if measure.name != PATH)
     return replace(experiment, variants={variant.name: variant for variant in (*reference, *ours)}, measures=measures)
 
 

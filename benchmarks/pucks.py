@@ -10,7 +10,6 @@ individuals of each, drawn at random. Runs that are done are skipped, so it can 
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from auroraqd._files import folder_at
 from auroraqd._workers import cores
 from auroraqd.control.resolution import Size
 from auroraqd.experiments.ledger import Ledger
-from auroraqd.experiments.measures import Diversity
+from auroraqd.experiments.measures import Own
 from auroraqd.experiments.statistics import Quartiles
 from auroraqd.experiments.variants import Experiment, Variant
 from auroraqd.repertoire import diverse
@@ -39,38 +38,18 @@ SHOWN = 8  # skills in the figure
 MOVED = 1e-3  # m, farther than which a puck has moved
 
 
-@dataclass(frozen=True)
-class Ways(Diversity):
+def ways(individuals: Any, bins: int = SQUARES, number: int = STORED) -> float:
     """The diversity of the ways of a puck, summed over pucks: of `number` individuals drawn at random."""
-
-    number: int = STORED
-
-    def look(self, individuals: Any) -> float:
-        """See `Diversity`."""
-        rows = np.sort(np.random.default_rng(0).permutation(len(individuals))[: self.number])
-        seen = individuals.observation
-        return sum(metrics.diversity(seen[name][rows], self.bins) for name in seen.dtype.names)
+    rows = np.sort(np.random.default_rng(0).permutation(len(individuals))[:number])
+    seen = individuals.observation
+    return sum(metrics.diversity(seen[name][rows], bins) for name in seen.dtype.names)
 
 
-@dataclass(frozen=True)
-class Moved:
+def moved(individuals: Any) -> float:
     """The share of individuals that move all pucks, in percent."""
-
-    name: str = "moved"
-    title: str = "move all, %"
-    form: str = "{:.0f}"
-    followed: bool = False
-    logarithmic: bool = False
-
-    def look(self, individuals: Any) -> float:
-        """See the class."""
-        seen = individuals.observation
-        moving = [np.ptp(seen[name], axis=1).max(axis=1) > MOVED for name in seen.dtype.names]
-        return 100 * float(np.all(moving, axis=0).mean())
-
-    def score(self, looked: float, reference: float) -> float:
-        """See the class."""
-        return looked
+    seen = individuals.observation
+    moving = [np.ptp(seen[name], axis=1).max(axis=1) > MOVED for name in seen.dtype.names]
+    return 100 * float(np.all(moving, axis=0).mean())
 
 
 def _several(pucks: int) -> Experiment:
@@ -84,7 +63,7 @@ def _several(pucks: int) -> Experiment:
         name=f"pucks-{pucks}",
         task=f"air-hockey:pucks={pucks}",
         variants={variant.name: variant for variant in variants},
-        measures=(Moved(), Ways("diversity", f"diversity of {STORED:,}", SQUARES, followed=False)),
+        measures=(Own("moved", "move all, %", moved, form="{:.0f}"), Own("diversity", f"diversity of {STORED:,}", ways)),
         reference=None,
         tested=("diversity",),
         truth="final positions",

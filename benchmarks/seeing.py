@@ -11,7 +11,7 @@ skipped, so it can be interrupted and called again.
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from auroraqd import emitters, metrics
 from auroraqd._files import folder_at
 from auroraqd._workers import cores
 from auroraqd.experiments.ledger import Ledger
-from auroraqd.experiments.measures import Diversity
+from auroraqd.experiments.measures import Own
 from auroraqd.experiments.statistics import Quartiles, rank_sums
 from auroraqd.experiments.variants import Experiment, Variant
 from auroraqd.tasks import AirHockey
@@ -35,46 +35,20 @@ SOME = (EXPERT, "random", "pca")  # descriptors, to see it work
 TITLES = {CAMERA: "Air hockey", MAZE: "Maze"}
 
 
-@dataclass(frozen=True)
-class Ways(Diversity):
-    """The diversity of the pucks' ways of as many individuals, drawn at random; all, where there are fewer.
-
-    Args:
-        number: of individuals.
-    """
-
-    number: int = 10**9
-
-    def look(self, individuals: Any) -> float:
-        """See `Diversity`."""
-        rows = np.random.default_rng(0).permutation(len(individuals))[: self.number]
-        return metrics.diversity(AirHockey()(individuals.genotype[np.sort(rows)]).observation, self.bins)
+def ways(individuals: Any, bins: int = SQUARES, number: int | None = None) -> float:
+    """The diversity of the pucks' ways of as many individuals, drawn at random; all, where there are fewer, or None."""
+    rows = np.random.default_rng(0).permutation(len(individuals))[:number]
+    return metrics.diversity(AirHockey()(individuals.genotype[np.sort(rows)]).observation, bins)
 
 
-@dataclass(frozen=True)
-class Squares:
-    """In how many squares of the maze individuals end; or exp of the entropy of how they are spread over them.
+def squares(individuals: Any) -> float:
+    """In how many squares of the maze individuals end."""
+    return metrics.coverage(individuals.ground_truth, SQUARES, 0, SIDE) * SQUARES**2
 
-    Args:
-        name, title, form, followed, logarithmic: see `Measure`.
-        effective: whether it is the latter.
-    """
 
-    name: str
-    title: str
-    effective: bool = False
-    form: str = "{:.0f}"
-    followed: bool = False
-    logarithmic: bool = False
-
-    def look(self, individuals: Any) -> float:
-        """See the class."""
-        counted = metrics.effective_cells if self.effective else metrics.coverage
-        return counted(individuals.ground_truth, SQUARES, 0, SIDE) * (1 if self.effective else SQUARES**2)
-
-    def score(self, looked: float, reference: float) -> float:
-        """See the class."""
-        return looked
+def effective(individuals: Any) -> float:
+    """The same, counted by how they are spread over them: see `auroraqd.metrics.effective_cells`."""
+    return metrics.effective_cells(individuals.ground_truth, SQUARES, 0, SIDE)
 
 
 def _seen(task: str, *measures: Any) -> Experiment:
@@ -100,10 +74,14 @@ def _seen(task: str, *measures: Any) -> Experiment:
 EXPERIMENTS = {
     CAMERA: _seen(
         CAMERA,
-        Ways("diversity", "diversity", SQUARES, followed=False),
-        Ways("diversity_drawn", f"of {STORED:,}", SQUARES, followed=False, number=STORED),
+        Own("diversity", "diversity", ways),
+        Own("diversity_drawn", f"of {STORED:,}", partial(ways, number=STORED)),
     ),
-    MAZE: _seen(MAZE, Squares("coverage", f"coverage of {SQUARES**2}"), Squares("effective", "effective squares", True)),
+    MAZE: _seen(
+        MAZE,
+        Own("coverage", f"coverage of {SQUARES**2}", squares, form="{:.0f}"),
+        Own("effective", "effective squares", effective, form="{:.0f}"),
+    ),
 }
 
 

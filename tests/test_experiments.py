@@ -252,19 +252,24 @@ def test_nothing_stored_is_said(tmp_path, monkeypatch):
         replicate(Job("hand-coded", 0, made, tmp_path, None, AIR_HOCKEY.measures), listener=lambda aurora: None)
 
 
+def interrupted(job, beside, generation):
+    """Do a run until it is interrupted, and beside it, in another folder, the whole of it, which is returned."""
+
+    def interrupt(aurora):
+        if aurora.generation == generation:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replicate(job, interrupt)
+    return replicate(job._replace(folder=beside), listener=lambda aurora: None)
+
+
 @pytest.mark.parametrize("experiment", [AIR_HOCKEY, FOLLOW_UP], ids=lambda experiment: experiment.name)
 def test_numbers_that_were_taken_before_an_interruption_are_kept(experiment, tmp_path, monkeypatch):
     monkeypatch.setattr(replication, "_EVERY", 0.0)
     made = experiment.variants["hand-coded"].of(experiment.base(12, 40), 1)
-    whole, points = replicate(Job("a", 1, made, tmp_path / "a", None, experiment.measures), listener=lambda aurora: None)
-
-    def interrupt(aurora):
-        if aurora.generation == 8:
-            raise KeyboardInterrupt
-
     job = Job("a", 1, made, tmp_path / "b", None, experiment.measures)
-    with pytest.raises(KeyboardInterrupt):
-        replicate(job, interrupt)
+    whole, points = interrupted(job, tmp_path / "a", 8)
     done = []
     again, points_again = replicate(job, lambda aurora: done.append(aurora.generation))
     assert done == [9, 10, 11, 12]
@@ -324,15 +329,8 @@ def test_a_run_that_is_interrupted_goes_on_where_it_was(damaged, experiment, tmp
     monkeypatch.setattr(replication, "_EVERY", 0.0)
     reference, made = Ledger(experiment).run_folder("hand-coded", 1), BALLISTIC.variants["pca-incremental"].of(SMALL, 1)
     made = replace(made, generations=60)  # with an update, and more looks than one
-    whole, points = replicate(Job("a", 1, made, tmp_path / "a", reference, BALLISTIC.measures), listener=lambda aurora: None)
-
-    def interrupt(aurora):
-        if aurora.generation == 53:
-            raise KeyboardInterrupt
-
     job = Job("a", 1, made, tmp_path / "b", reference, BALLISTIC.measures)
-    with pytest.raises(KeyboardInterrupt):
-        replicate(job, interrupt)
+    whole, points = interrupted(job, tmp_path / "a", 53)
     assert len(list((job.folder / "looks").iterdir())) == sum(g < 53 for g in looked_at(60))
     if damaged:
         (job.folder / "looks" / "2.safetensors").write_bytes(b"")

@@ -6,6 +6,7 @@ import errno
 import json
 import struct
 import sys
+import time
 import warnings
 
 import numpy as np
@@ -166,12 +167,17 @@ def test_weights_and_biases_offline(quiet, tmp_path):
     first = logger.id
     aurora.run(task, generations=2, callback=logger)
     assert logger.id == first is not None
-    sizes, configs = [], []
-    for path in sorted(tmp_path.glob("wandb/offline-run-*/run-*.wandb")):
-        for record in records_in(path):
-            items = {item.key or item.nested_key[0]: json.loads(item.value_json) for item in record.history.item}
-            sizes += [items["size"]] if items else []
-            configs += [{item.key: json.loads(item.value_json) for item in record.run.config.update}]
+    end = time.monotonic() + 60
+    while True:  # a process of its own writes, which may be late
+        sizes, configs = [], []
+        for path in sorted(tmp_path.glob("wandb/offline-run-*/run-*.wandb")):
+            for record in records_in(path):
+                items = {item.key or item.nested_key[0]: json.loads(item.value_json) for item in record.history.item}
+                sizes += [items["size"]] if items else []
+                configs += [{item.key: json.loads(item.value_json) for item in record.run.config.update}]
+        if len(sizes) == 5 or time.monotonic() > end:
+            break
+        time.sleep(0.2)
     assert sizes == [record.size for record in aurora.history.records]
     assert any(config.get("n_genes") == 2 for config in configs)
 

@@ -71,10 +71,10 @@ def reproduce(
         raise UserError(f"task must be one of {', '.join(EXPERIMENTS)}, {PAPER}, got {task!r}")
     experiments = [e.quickened() if quick else e for name, e in EXPERIMENTS.items() if task in (PAPER, name)]
     known = list(dict.fromkeys(name for experiment in experiments for name in experiment.variants))
-    names = known if variants == "all" else [name.strip() for name in variants.split(",") if name.strip()] or [""]
+    names = known if variants == "all" else [name.strip() for name in variants.split(",") if name.strip()]
     unknown = [name for name in names if name not in known]
-    if unknown:
-        raise UserError(f"variants of {task} must be of {', '.join(known)}, got {', '.join(unknown) or variants!r}")
+    if unknown or not names:
+        raise UserError(f"variants of {task} must be of {', '.join(known)}, got {', '.join(unknown) or 'none'}")
     for name, value in (("replications", replications), ("generations", generations), ("jobs", jobs)):
         if value is not None and value < 1:
             raise UserError(f"{name} must be 1 or more, got {value}")

@@ -10,8 +10,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from auroraqd import metrics
-
 
 class Measure(Protocol):
     """A number for a repertoire."""
@@ -94,31 +92,6 @@ class Own:
     def look(self, individuals: Any) -> float:
         """The number itself."""
         return self.function(individuals)
-
-    def score(self, looked: float, reference: float) -> float:
-        """See the class."""
-        return looked
-
-
-@dataclass(frozen=True)
-class Diversity:
-    """The diversity of trajectories; it needs no reference. See `auroraqd.metrics.diversity`.
-
-    Args:
-        name, title, form, followed, logarithmic: see `Measure`.
-        bins: along each side of the room.
-    """
-
-    name: str
-    title: str
-    bins: int
-    form: str = "{:.1f}"
-    followed: bool = True
-    logarithmic: bool = False
-
-    def look(self, individuals: Any) -> float:
-        """The diversity itself: trajectories are too many to keep."""
-        return metrics.diversity(individuals.observation, self.bins)
 
     def score(self, looked: float, reference: float) -> float:
         """See the class."""

@@ -10,7 +10,7 @@ import numpy as np
 from auroraqd import metrics
 from auroraqd.control.resolution import VAT
 from auroraqd.emitters.variation import Polynomial
-from auroraqd.experiments.measures import Coverage, Diversity, Measure, Own
+from auroraqd.experiments.measures import Coverage, Measure, Own
 from auroraqd.experiments.settings import CVT, CVTPrior, Settings
 from auroraqd.tasks import air_hockey
 
@@ -103,6 +103,11 @@ def _named(*variants: Variant) -> dict[str, Variant]:
     return {variant.name: variant for variant in variants}
 
 
+def diversity(individuals: Any, bins: int) -> float:
+    """The diversity of the ways of pucks: see `auroraqd.metrics.diversity`."""
+    return metrics.diversity(individuals.observation, bins)
+
+
 def evenness(individuals: Any, bins: int = 20) -> float:
     """How evenly pucks end in the squares of the room: see `auroraqd.metrics.effective_cells`."""
     return metrics.effective_cells(individuals.ground_truth, bins)
@@ -167,8 +172,8 @@ AIR_HOCKEY = Experiment(
     task="air-hockey",
     variants=_named(_HAND_CODED, _PCA, _AE, _CVT, _AE_ISOMETRIC),
     measures=(
-        Diversity("diversity", "diversity, 10 x 10", bins=10),
-        Diversity("diversity_20", "diversity, 20 x 20", bins=20),
+        Own("diversity", "diversity, 10 x 10", partial(diversity, bins=10), followed=True),
+        Own("diversity_20", "diversity, 20 x 20", partial(diversity, bins=20), followed=True),
         Own("even", "effective squares, 20 x 20", evenness),
         Own("walls", "near a wall", near_a_wall, form="{:.3f}"),
     ),

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from auroraqd._checks import instance
 from auroraqd._files import folder_at, replacing
 from auroraqd.experiments.ledger import Ledger
-from auroraqd.experiments.measures import Diversity
 from auroraqd.experiments.replication import Point
 from auroraqd.experiments.statistics import Comparison, Quartiles, columns, comparisons, summaries
 from auroraqd.experiments.variants import Experiment, Variant
@@ -44,7 +43,7 @@ def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
     if repertoires:
         written += save_figure(panel_figure(repertoires, experiment), figures, "repertoires")
     trajectories = next((r.observation for r in repertoires.values()), None)
-    if trajectories is not None and any(isinstance(measure, Diversity) for measure in experiment.measures):
+    if trajectories is not None and any(measure.name == "diversity" for measure in experiment.measures):
         written += save_figure(diversity_figure(trajectories), figures, "diversity")
     return written
 

@@ -16,7 +16,6 @@ from auroraqd._files import as_path, folder_at, replacing
 from auroraqd.experiments.catalogue import CLAIMS, EXPERIMENTS
 from auroraqd.experiments.claims import Evidence, Judged, Verdict, judged
 from auroraqd.experiments.ledger import Ledger
-from auroraqd.experiments.measures import Diversity
 from auroraqd.experiments.statistics import Quartiles, comparisons, values_of
 from auroraqd.experiments.variants import Experiment
 from auroraqd.report.diversity import diversity_figure
@@ -126,7 +125,7 @@ def _results(ledger: Ledger, experiment: Experiment) -> list[Heading | Text | Ta
     repertoires = first_repertoires(ledger, experiment.variants)
     if repertoires:
         blocks.append(Picture(panel_figure(repertoires, experiment), "Repertoires of the first replication"))
-        if any(isinstance(measure, Diversity) for measure in experiment.measures):
+        if any(measure.name == "diversity" for measure in experiment.measures):
             trajectories = next(iter(repertoires.values())).observation
             blocks.append(Picture(diversity_figure(trajectories), "What the diversity score counts"))
     return blocks
