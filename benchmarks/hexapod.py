@@ -15,7 +15,7 @@ each of the other damages, simulated before. Runs and trials that are in the fol
 
 import argparse
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -95,12 +95,12 @@ def speeds(hexapod: Hexapod, genotypes: np.ndarray) -> np.ndarray:
     return np.nan_to_num(hexapod(genotypes).fitness, nan=0.0)
 
 
-def imagined(repertoire: auroraqd.Repertoire, place: Path) -> dict[str, np.ndarray]:
+def imagined(repertoire: auroraqd.Repertoire, damages: Sequence[str], place: Path) -> dict[str, np.ndarray]:
     """The speed of each gait with each damage, (n,), simulated if it is not in the file."""
     if not place.exists():
-        found = [speeds(Hexapod(damage=damage, threads=1), repertoire.genotype) for damage in DAMAGES]
+        found = [speeds(Hexapod(damage=damage, threads=1), repertoire.genotype) for damage in damages]
         np.save(place, np.array(found))
-    return dict(zip(DAMAGES, np.load(place), strict=True))
+    return dict(zip(damages, np.load(place), strict=True))
 
 
 def tried(
@@ -325,11 +325,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--evaluations", type=int, default=6000, help="of each run")
     parser.add_argument("--out", type=Path, default=Path("results/hexapod"))
-    parser.add_argument("--quick", action="store_true", help="one seed of 10 evaluations, one damage, into OUT/quick")
-    options, damages, repeats, batch, frames = parser.parse_args(), [*DAMAGES], 5, ROBOTS, 6
+    parser.add_argument(
+        "--quick", action="store_true", help="one seed of 10 evaluations, one damage and one imagined, into OUT/quick"
+    )
+    options, damages, known, repeats, batch, frames = parser.parse_args(), [*DAMAGES], [*DAMAGES], 5, ROBOTS, 6
     if options.quick:
         options.seeds, options.evaluations, options.out = 1, 10, options.out / "quick"
-        damages, repeats, batch, frames = damages[:1], 1, 2, 2
+        damages, known, repeats, batch, frames = damages[:1], known[:2], 1, 2, 2
     runs, table = options.out / "runs", options.out / "trials.csv"
     runs.mkdir(parents=True, exist_ok=True)
     report_physics(repeats, batch)
@@ -338,7 +340,7 @@ def main() -> None:
     for seed in range(options.seeds):
         for variant in (AURORA, HAND_CODED):
             repertoires[variant, seed] = repertoire = discovered(variant, seed, options.evaluations, runs)
-            promises = imagined(repertoire, runs / f"{variant}-{seed}-damaged.npy")
+            promises = imagined(repertoire, known, runs / f"{variant}-{seed}-damaged.npy")
             for damage in damages:
                 if not any(trial[:3] == (variant, seed, damage) for trial in trials):
                     trials += trials_of(variant, seed, damage, repertoire, promises)

@@ -44,10 +44,8 @@ def klc(reference: np.ndarray, compared: np.ndarray, bins: int = 30, *, marginal
         True
     """
     bins = whole("bins", bins, most=_MOST_BINS)
-    reference, compared = _points("reference", reference), _points("compared", compared)
+    reference, compared = _both(reference, compared)
     d = reference.shape[1]
-    if d != compared.shape[1]:
-        raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
     if flag("marginal", marginal):
         return sum(_divergence(reference[:, i : i + 1], compared[:, i : i + 1], bins) for i in range(d))
     if bins**d > _MOST_BINS:
@@ -78,9 +76,7 @@ def outside(reference: np.ndarray, compared: np.ndarray) -> float:
         >>> auroraqd.metrics.outside([[0.0, 0.0], [1.0, 1.0]], [[0.5, 0.5], [2.0, 0.5]])  # a share
         0.5
     """
-    reference, compared = _points("reference", reference), _points("compared", compared)
-    if reference.shape[1] != compared.shape[1]:
-        raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
+    reference, compared = _both(reference, compared)
     return float(((compared < reference.min(axis=0)) | (compared > reference.max(axis=0))).any(axis=1).mean())
 
 
@@ -100,9 +96,7 @@ def reached(reference: np.ndarray, compared: np.ndarray, bins: int = 10) -> floa
         0.5
     """
     bins = whole("bins", bins, most=_MOST_BINS)
-    reference, compared = _points("reference", reference), _points("compared", compared)
-    if reference.shape[1] != compared.shape[1]:
-        raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
+    reference, compared = _both(reference, compared)
     low, high = reference.min(axis=0), reference.max(axis=0)
     inside = compared[((compared >= low) & (compared <= high)).all(axis=1)]
     there, ours = (_cells(points, low, high, bins) for points in (reference, inside))
@@ -342,6 +336,14 @@ def _fitness(values: ArrayLike, n: int) -> np.ndarray:
     if len(fitness) != n:
         raise ValueError(f"fitness must have shape ({n},), as there are points, got {fitness.shape}")
     return fitness
+
+
+def _both(reference: np.ndarray, compared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A reference and what is compared with it: points in one space."""
+    reference, compared = _points("reference", reference), _points("compared", compared)
+    if reference.shape[1] != compared.shape[1]:
+        raise ValueError(f"reference and compared must have the same columns, got {reference.shape} and {compared.shape}")
+    return reference, compared
 
 
 def _points(name: str, values: np.ndarray) -> np.ndarray:
