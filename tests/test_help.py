@@ -67,7 +67,7 @@ def test_names_that_are_completed_are_those_that_there_are():
     ("words", "completions"),
     [
         ("auroraqd r", {"run", "repeat", "resume", "reproduce"}),
-        ("auroraqd run ", {"ballistic", "air-hockey", "air-hockey-camera", "maze", "hexapod"}),
+        ("auroraqd run ", {"ballistic", "air-hockey", "air-hockey-camera", "maze", "hexapod", "octopus-arm"}),
         ("auroraqd run air", {"air-hockey", "air-hockey-camera"}),
         ("auroraqd run ballistic --archive cvt", {"cvt", "cvt-prior"}),
         ("auroraqd run ballistic --selection ", set(NAMES["selection"])),

@@ -282,3 +282,41 @@ def test_without_the_extra(monkeypatch):
     monkeypatch.setattr(hexapod, "import_module", missing)
     with pytest.raises(ValueError, match="MuJoCo is not installed: pip install"):
         Hexapod()
+
+
+def test_it_goes_on_from_where_it_was_left():
+    half, whole = (Hexapod(observe="path", seconds=seconds, samples=5, threads=1) for seconds in (1.0, 2.0))
+    genotypes = np.concatenate([tripod(), standing()])
+    first, state = half.carried(genotypes)
+    assert_array_equal(first.observation, half(genotypes).observation)
+    second, _ = half.carried(genotypes, state)
+    at_once = whole(genotypes)
+    assert_allclose(second.observation[:, -1], at_once.observation[:, -1], atol=0.02)
+    assert_allclose((first.fitness + second.fitness) / 2, at_once.fitness, atol=0.01)
+    assert second.fitness[0] > 0.1
+
+
+def test_who_has_fallen_stays_so():
+    task = Hexapod(**QUICK)
+    genotypes = np.concatenate([standing(), standing()])
+    _, state = task.carried(genotypes)
+    state[0] = np.nan
+    evaluation, after = task.carried(genotypes, state)
+    assert np.isnan(evaluation.fitness).tolist() == [True, False]
+    assert np.isnan(after).all(axis=1).tolist() == [True, False]
+    for wrong in (state[:1], state[:, 1:], state[0]):
+        with pytest.raises(ValueError, match="state must"):
+            task.carried(genotypes, wrong)
+
+
+def test_gaits_follow_each_other():
+    task = Hexapod(observe="path", **QUICK)
+    aurora = auroraqd.Aurora(36, PCA(n_components=2), batch_size=20, seed=0).run(task, generations=2)
+    walk = tasks.Hierarchical(aurora.archive, task, steps=3)
+    genotypes = np.random.default_rng(0).random((2, 6))
+    evaluation = walk(genotypes)
+    assert evaluation.observation.shape == (2, 3, 5, 2)
+    jumps = np.linalg.norm(np.diff(evaluation.observation.reshape(2, 15, 2), axis=1), axis=2)
+    assert jumps.max() < 0.05  # m, in a fifth of 0.3 s: each goes on where the one before ended
+    speeds = (evaluation.observation[:, -1, -1, 0] - task._body.start[0]) / 0.3
+    assert_allclose(evaluation.fitness, speeds, atol=1e-9)

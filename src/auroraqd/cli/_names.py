@@ -7,7 +7,7 @@ holds them equal. Those with a colon are left out, for bash takes it to end a wo
 from collections.abc import Callable
 
 NAMES = {
-    "task": ("ballistic", "air-hockey", "air-hockey-camera", "maze", "hexapod"),
+    "task": ("ballistic", "air-hockey", "air-hockey-camera", "maze", "hexapod", "octopus-arm"),
     "experiment": ("ballistic", "air-hockey", "follow-up", "paper"),
     "descriptor": ("pca", "autoencoder", "hand-coded", "genotype", "observation"),
     "emitter": ("genetic", "goals", "novelty-search", "nslc", "taxons"),

@@ -44,7 +44,7 @@ def run(
         typer.Argument(
             autocompletion=completed("task"),
             help="What the robot does: ballistic, air-hockey or air-hockey:restitution_threshold=1, air-hockey-camera, maze, "
-            "hexapod or hexapod:damage=leg-limp; or mymodule:my_task.",
+            "hexapod or hexapod:damage=leg-limp, octopus-arm; or mymodule:my_task.",
         ),
     ],
     descriptor: Annotated[

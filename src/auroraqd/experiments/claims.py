@@ -156,7 +156,8 @@ def median_near(variant: str, measure: str, published: float) -> Judge:
 def _said(measure: str, one: str, other: str, evidence: Evidence, c: Comparison) -> str:
     a, low, high = c.effect
     medians = f"{evidence.median(one, measure):.3g} and {evidence.median(other, measure):.3g}"
-    return f"{one}, {other}: {medians}; p = {c.corrected:.2g}, A = {a:.2f} ({low:.2f}, {high:.2f})"
+    alone = f" ({c.p:.2g} before it is corrected)" if c.p < LEVEL <= c.corrected else ""
+    return f"{one}, {other}: {medians}; p = {c.corrected:.2g}{alone}, A = {a:.2f} ({low:.2f}, {high:.2f})"
 
 
 def _pairs(

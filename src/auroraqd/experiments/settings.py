@@ -22,7 +22,7 @@ from auroraqd.emitters import ribs, selection, variation
 from auroraqd.experiments.options import built, imported, keyword_parameters
 from auroraqd.provenance import importable, task_in
 from auroraqd.runs.parts import as_json
-from auroraqd.tasks import AirHockey, AirHockeyCamera, Ballistic, Hexapod, Maze, TaskError, evaluated, name_of
+from auroraqd.tasks import AirHockey, AirHockeyCamera, Ballistic, Hexapod, Maze, OctopusArm, TaskError, evaluated, name_of
 from auroraqd.tasks.noise import seeds_of
 
 TASKS = {
@@ -31,6 +31,7 @@ TASKS = {
     "air-hockey-camera": AirHockeyCamera,
     "maze": Maze,
     "hexapod": Hexapod,
+    "octopus-arm": OctopusArm,
 }
 PCA, AUTOENCODER = "pca", "autoencoder"
 DESCRIPTORS = (PCA, AUTOENCODER, HAND_CODED, GENOTYPE, OBSERVATION)

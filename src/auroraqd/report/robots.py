@@ -17,7 +17,7 @@ from auroraqd._checks import numbers
 from auroraqd._files import as_path
 from auroraqd.report.videos import LAST, arrangement, video
 from auroraqd.tasks import Gym, Hexapod, name_of
-from auroraqd.tasks._drawing import Canvas, moving_body, moving_geoms
+from auroraqd.tasks._drawing import Canvas, moving_body, moving_parts, places_of_parts
 
 _WIDTH, _HEIGHT = 320, 240  # pixels of a panel
 _RATE = 25.0  # most frames a second
@@ -85,8 +85,10 @@ def check_robot(task: Any, n_genes: int | None = None) -> None:
     """Raise ValueError unless a task is of a robot that can be drawn, and of this number of genes."""
     if getattr(task, "model", None) is None:
         raise ValueError(f"task {name_of(task)} is not of MuJoCo, which would draw it")
-    if len(moving_geoms(task.model)) == 0:
-        raise ValueError(f"task {name_of(task)} has nothing to film: no body that moves has a geom, in its model of MuJoCo")
+    if len(moving_parts(task.model)) == 0:
+        raise ValueError(
+            f"task {name_of(task)} has nothing to film: no body that moves has a geom or is soft, in its model of MuJoCo"
+        )
     if n_genes not in (None, task.n_genes):
         raise ValueError(f"task {name_of(task)} has {task.n_genes} genes, and the skills have {n_genes}")
 
@@ -156,12 +158,12 @@ class Studio:
         self._width, self._height = size
         self._canvas = Canvas(model, self._height, self._width, more=poses.shape[1])
         self._poses, data = poses, self._canvas.data
-        self._geoms = moving_geoms(model)
-        self._way, places = np.empty((*poses.shape[:2], 3)), np.empty((*poses.shape[:2], len(self._geoms), 3))
+        self._radii = moving_parts(model)
+        self._way, places = np.empty((*poses.shape[:2], 3)), np.empty((*poses.shape[:2], len(self._radii), 3))
         for place in np.ndindex(poses.shape[:2]):
             self._canvas.pose(poses[place])
-            self._way[place], places[place] = data.xpos[moving_body(model)], data.geom_xpos[self._geoms]
-        groups = [places.reshape(-1, len(self._geoms), 3)] * len(poses) if together else places
+            self._way[place], places[place] = data.xpos[moving_body(model)], places_of_parts(model, data)
+        groups = [places.reshape(-1, len(self._radii), 3)] * len(poses) if together else places
         self._cameras = [self._standing(group) for group in groups]
 
     def picture(self, row: int, frame: int) -> np.ndarray:
@@ -188,7 +190,7 @@ class Studio:
         scene.ngeom += 1
 
     def _standing(self, places: np.ndarray) -> Any:
-        """A camera that sees all of these geoms, (m, geoms, 3): from the side if they keep to a plane, else from above."""
+        """A camera that sees all of these parts, (m, parts, 3): from the side if they keep to a plane, else from above."""
         low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
         camera, model = self._mujoco.MjvCamera(), self._canvas.model
         camera.lookat[:] = (low + high) / 2
@@ -196,8 +198,8 @@ class Studio:
         camera.elevation = -15 if high[1] - low[1] < 0.25 * (high[0] - low[0]) else -50
         tilt = np.deg2rad(camera.elevation)
         right, forward = np.array([1, 0, 0]), np.array([0, np.cos(tilt), np.sin(tilt)])
-        offset, radius = places - camera.lookat, model.geom_rbound[self._geoms]
+        offset = places - camera.lookat
         aside = np.maximum(np.abs(offset @ right) * self._height / self._width, np.abs(offset @ np.cross(right, forward)))
         half = np.tan(np.deg2rad(model.vis.global_.fovy) / 2)
-        camera.distance = _MARGIN * ((aside + radius) / half - offset @ forward).max()
+        camera.distance = _MARGIN * ((aside + self._radii) / half - offset @ forward).max()
         return camera

@@ -160,6 +160,7 @@ from auroraqd.tasks.hexapod import DAMAGES, Damage, Hexapod  # noqa: E402
 from auroraqd.tasks.hierarchical import Hierarchical  # noqa: E402
 from auroraqd.tasks.maze import Maze  # noqa: E402
 from auroraqd.tasks.noise import repeated  # noqa: E402
+from auroraqd.tasks.octopus_arm import OctopusArm  # noqa: E402
 
 __all__ = [
     "DAMAGES",
@@ -177,6 +178,7 @@ __all__ = [
     "Hexapod",
     "Hierarchical",
     "Maze",
+    "OctopusArm",
     "OpenLoop",
     "Sinusoids",
     "Splines",

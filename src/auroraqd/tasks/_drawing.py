@@ -96,8 +96,19 @@ def moving_body(model: Any) -> int:
     return int(model.jnt_bodyid[0]) if model.njnt else 0
 
 
-def moving_geoms(model: Any) -> np.ndarray:
-    """Geoms that may move, and are no ground, (geoms,)."""
+def moving_parts(model: Any) -> np.ndarray:
+    """The radii, in m, of what may move and is no ground: geoms, and the vertices of soft bodies, (parts,)."""
+    soft = np.repeat(model.flex_radius, model.flex_vertnum) if model.nflex else np.empty(0)
+    return np.concatenate([model.geom_rbound[_moving_geoms(model)], soft])
+
+
+def places_of_parts(model: Any, data: Any) -> np.ndarray:
+    """Where these are, (parts, 3), in m."""
+    soft = data.flexvert_xpos.reshape(-1, 3)
+    return np.concatenate([data.geom_xpos[_moving_geoms(model)], soft])
+
+
+def _moving_geoms(model: Any) -> np.ndarray:
     return np.flatnonzero((model.geom_bodyid > 0) & (model.geom_type > 0))
 
 

@@ -103,6 +103,12 @@ class Simulator:
 
         From where they are not `finite`, (n, steps) bool, all is NaN. They begin in states, (n, size), the solver at (n, nv).
         """
+        return self.carried(control, finite, start, warm)[0]
+
+    def carried(
+        self, control: np.ndarray, finite: np.ndarray, start: np.ndarray, warm: np.ndarray
+    ) -> tuple[Episode, np.ndarray]:
+        """Likewise; and the states in which they end, (n, size)."""
         rollout = import_module("mujoco.rollout").rollout
         model, skip = self._model, self._skip
         interval = model.opt.timestep * skip
@@ -116,7 +122,8 @@ class Simulator:
         gone = np.logical_or.accumulate(diverged | ~finite, axis=1)
         states[gone], sensors[gone] = np.nan, np.nan
         qpos, qvel = states[..., 1 : 1 + model.nq], states[..., 1 + model.nq : 1 + model.nq + model.nv]
-        return Episode(time, control, np.full(n, steps), qpos, qvel, sensors=sensors if model.nsensordata else None)
+        episode = Episode(time, control, np.full(n, steps), qpos, qvel, sensors=sensors if model.nsensordata else None)
+        return episode, states[:, -1].copy()
 
 
 class Rollout:

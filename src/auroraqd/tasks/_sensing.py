@@ -1,6 +1,6 @@
 """What of an episode is observed: positions, velocities, contacts, pictures, or what the environment itself senses."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -214,9 +214,23 @@ class Contacts:
         for place in _posed(poses):
             data.qpos[:] = poses[place]
             mujoco.mj_fwdPosition(self._model, data)
-            geoms = data.contact.geom[data.contact.exclude == 0]  # where a force acts
-            touching[place][self._model.geom_bodyid[geoms[geoms >= 0]]] = True
+            touching[place][list(_bodies_in(self._model, data.contact))] = True
         return touching[..., 1:]
+
+
+def _bodies_in(model: Any, contacts: Any) -> Iterator[int]:
+    """Of contacts in which a force acts: those of geoms, and those at vertices and tetrahedra of soft bodies."""
+    acting = contacts.exclude == 0
+    geoms, flexes = contacts.geom[acting], contacts.flex[acting]
+    yield from model.geom_bodyid[geoms[geoms >= 0]]
+    for place in zip(*np.nonzero(flexes >= 0), strict=True):
+        flex, vertex, element = flexes[place], contacts.vert[acting][place], contacts.elem[acting][place]
+        vertices = np.array([vertex])
+        if vertex < 0:
+            corners = model.flex_dim[flex] + 1
+            vertices = model.flex_elem[model.flex_elemdataadr[flex] + corners * element :][:corners]
+        bodies = model.flex_vertbodyid[model.flex_vertadr[flex] + vertices]
+        yield from bodies[bodies >= 0]  # of a body that deforms as a whole there are none
 
 
 class Pictures:

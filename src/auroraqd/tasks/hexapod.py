@@ -129,14 +129,36 @@ class Hexapod:
 
     def __call__(self, genotypes: np.ndarray) -> "tasks.Evaluation":
         """See the class."""
-        parts = [self._evaluation(episode) for episode in self._episodes(genotypes)]
-        return tasks.Evaluation(*map(np.concatenate, zip(*parts, strict=True)))
+        return self.carried(genotypes)[0]
+
+    def carried(self, genotypes: np.ndarray, state: np.ndarray | None = None) -> tuple["tasks.Evaluation", np.ndarray]:
+        """Go on from the states in which others left the robots, for `Hierarchical`.
+
+        Args:
+            genotypes: (n, 36).
+            state: (n, size), as this method returned it; None: they stand where they begin.
+
+        Returns:
+            What they do, speeds of this part, paths where the robots are; and the states they are in then, (n, size), NaN of
+            those that are invalid, and stay it. MuJoCo's solver begins anew, by which two parts end some millimetres from where
+            one of twice the length does.
+
+        Raises:
+            ValueError: as when it is called; the states have another shape.
+        """
+        evaluations, states = [], []
+        for episode, begun, after in self._parts(genotypes, state):
+            evaluation = self._evaluation(episode, begun)
+            after[np.isnan(evaluation.fitness)] = np.nan
+            evaluations.append(evaluation)
+            states.append(after)
+        return tasks.Evaluation(*map(np.concatenate, zip(*evaluations, strict=True))), np.concatenate(states)
 
     def episode(self, genotypes: np.ndarray, seeds: np.ndarray | None = None) -> Episode:
         """All that robots do with these genotypes, (n, 36). Its sensors are how the torso, and then each leg, presses on the
         floor, in N. There is no noise: seeds are not used.
         """
-        return joined(list(self._episodes(genotypes)))
+        return joined([episode for episode, *_ in self._parts(genotypes, None)])
 
     @cached_property
     def _wrong(self) -> Damage:
@@ -178,10 +200,13 @@ class Hexapod:
         pictures = Pictures(self.model, self._body.start, camera, "the hexapod")
         return Sense("qpos", moments(self.steps, camera.frames), pictures)
 
-    def _episodes(self, genotypes: np.ndarray) -> Iterator[Episode]:
-        """As many at once as fit."""
+    def _parts(self, genotypes: np.ndarray, state: np.ndarray | None) -> Iterator[tuple[Episode, np.ndarray, np.ndarray]]:
+        """Episodes, as many at once as fit, and the states in which they begin and end."""
         genotypes = numbers("genotypes", genotypes, f" of shape (n, {self.n_genes})", axes=2)
         check_genotypes("a hexapod must have", genotypes, (len(genotypes) or 1, self.n_genes))
+        begun = self._body.standing(len(genotypes)) if state is None else numbers("state", state, axes=2)
+        if begun.shape != (len(genotypes), self._body.size):
+            raise ValueError(f"state must have shape {(len(genotypes), self._body.size)}, got {begun.shape}")
         rows = max(MOST_BYTES // self._body.bytes(self.steps), 1)
         time = INTERVAL * np.arange(self.steps)
         for start in range(0, len(genotypes), rows):
@@ -190,10 +215,12 @@ class Hexapod:
             wanted = (len(part), self.steps, LEGS * SERVOS)
             if controls.shape != wanted:
                 raise ValueError(f"the controller must return shape {wanted}, got {controls.shape}")
-            yield self._body(controls)
+            here = begun[start : start + rows]
+            episode, after = self._body(controls, here)
+            yield episode, here, after
 
-    def _evaluation(self, episode: Episode) -> "tasks.Evaluation":
-        forwards = episode.qpos[:, -1, 0] - self._body.start[0]
+    def _evaluation(self, episode: Episode, begun: np.ndarray) -> "tasks.Evaluation":
+        forwards = episode.qpos[:, -1, 0] - begun[:, 1]  # after the clock
         fallen = self._body.fallen(episode)
         seen = {name: sense(episode) for name, sense in self._senses.items()}
         for stream in seen.values():
@@ -215,6 +242,7 @@ class _Body:
     Attributes:
         model: of MuJoCo.
         start: (nq,), how it stands.
+        size: of a full state.
 
     Raises:
         ValueError: MuJoCo is not installed.
@@ -235,22 +263,31 @@ class _Body:
         mujoco.mj_step(self.model, data, round(_STANDING / TIMESTEP))
         data.time = 0
         self.start = data.qpos.copy()
-        self._begun = self._simulator.state(data)
+        self._state, self._warm = self._simulator.state(data)
+        self.size = len(self._state)
 
     def bytes(self, steps: int) -> int:
         """Of the states of an episode while it is simulated."""
         return self._simulator.bytes(steps)
 
-    def __call__(self, controls: np.ndarray) -> Episode:
-        """The episodes of controls in [-1, 1], (n, steps, 18), of all servos, those that are gone too."""
+    def standing(self, n: int) -> np.ndarray:
+        """The states of robots that stand, (n, size)."""
+        return np.repeat(self._state[None], n, axis=0)
+
+    def __call__(self, controls: np.ndarray, begun: np.ndarray) -> tuple[Episode, np.ndarray]:
+        """The episodes of controls in [-1, 1], (n, steps, 18), of all servos, those that are gone too, from states, (n, size);
+        and the states in which they end. From states that are NaN, all is."""
         each = controls.reshape(*controls.shape[:2], LEGS, SERVOS).copy()
         each[:, :, self._stuck] = 0
-        there = each[:, :, self._legs].reshape(*controls.shape[:2], -1)
-        finite = np.asarray(np.isfinite(controls).all(axis=2))
-        control = np.clip(np.where(finite[..., None], there, 0), -1, 1) * self.model.actuator_ctrlrange[:, 1]
-        start, warm = (np.repeat(part[None], len(controls), axis=0) for part in self._begun)
+        asked = each[:, :, self._legs].reshape(*controls.shape[:2], -1)
+        there = np.asarray(np.isfinite(begun).all(axis=1))
+        finite = np.asarray(np.isfinite(controls).all(axis=2)) & there[:, None]
+        control = np.clip(np.where(finite[..., None], asked, 0), -1, 1) * self.model.actuator_ctrlrange[:, 1]
+        start = np.where(there[:, None], begun, self._state)
+        stands = np.asarray((start == self._state).all(axis=1))
+        warm = np.where(stands[:, None], self._warm, 0)
         with self._lock:
-            return self._simulator(control, finite, start, warm)
+            return self._simulator.carried(control, finite, start, warm)
 
     def contacts(self, sensors: np.ndarray) -> np.ndarray:
         """Which feet touch the floor, (n, moments, 6) bool."""

@@ -34,10 +34,10 @@ class Hierarchical:
 
     Args:
         skills: a repertoire, or an archive: `genotype`, (m, genes), and the column in which places are.
-        task: executes skills. Another `Hierarchical`, whose skills they are; or a function `task(genotypes, state)` that
-            returns an evaluation, as any task does, and the state in which it leaves n robots. It is called with state None
-            where they begin, and else with what it returned before. If it has an attribute `seeded` that is true, it is called
-            as `task(genotypes, state, seeds)`.
+        task: executes skills. Another `Hierarchical`, whose skills they are; a `Hexapod`; or a function `task(genotypes,
+            state)` that returns an evaluation, as any task does, and the state in which it leaves n robots. It is called with
+            state None where they begin, and else with what it returned before. If it has an attribute `seeded` that is true,
+            it is called as `task(genotypes, state, seeds)`. A task with a method `carried` does so by that.
         steps: how many skills follow each other.
         by: the column in which genes name places: "descriptor" or "ground_truth". Genes from 0 to 1 go from the lowest to the
             highest place there, in each dimension.
@@ -114,7 +114,7 @@ class Hierarchical:
             ValueError: the genotypes are none, or the task returned something else than promised.
         """
         rows = self.rows(genotypes)
-        execute = self.task.carried if isinstance(self.task, Hierarchical) else self.task
+        execute = getattr(self.task, "carried", self.task)
         done = []
         for step in range(self.steps):
             skills = self._genotype[rows[:, step]]
