@@ -16,7 +16,7 @@ from auroraqd.tasks import OctopusArm, _octopus_arm_model
 from auroraqd.tasks._octopus_arm_model import CORNERS, MUSCLES, PARTS, SLICES, VERTICES, elements
 from auroraqd.tasks._sensing import Contacts
 
-mujoco = pytest.importorskip("mujoco")
+mujoco = pytest.importorskip("mujoco", minversion="3.16")
 
 QUICK = {"steps": 20, "samples": 5, "threads": 1}
 
@@ -153,6 +153,12 @@ def test_what_is_asked_for():
         OctopusArm(env_id="Ant-v5")
     with pytest.raises(ValueError, match="steps must be"):
         OctopusArm(steps=0)
+
+
+def test_older_versions_are_refused(monkeypatch):
+    monkeypatch.setattr(mujoco, "__version__", "3.9.0")
+    with pytest.raises(ValueError, match=r"OctopusArm-v0.* needs MuJoCo 3\.16 or later, got 3\.9\.0"):
+        OctopusArm(**QUICK)
 
 
 def test_it_goes_to_workers_and_back():

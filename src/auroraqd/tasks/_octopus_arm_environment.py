@@ -10,6 +10,7 @@ from gymnasium.envs.mujoco import MujocoEnv
 from auroraqd.tasks._octopus_arm_model import MUSCLES, TIMESTEP, xml
 
 INTERVAL = 0.02  # s, of control
+_LEAST = 3, 16  # of MuJoCo: with several vertices of a flex fixed to one body, others blow up, or end the process
 
 
 class OctopusArmEnvironment(MujocoEnv):
@@ -24,6 +25,8 @@ class OctopusArmEnvironment(MujocoEnv):
     def _initialize_simulation(self) -> tuple[Any, Any]:
         """The model is made here, not read from a file."""
         mujoco: Any = import_module("mujoco")
+        if tuple(map(int, mujoco.__version__.split(".")[:2])) < _LEAST:
+            raise ValueError(f"it needs MuJoCo {'.'.join(map(str, _LEAST))} or later, got {mujoco.__version__}")
         model = mujoco.MjModel.from_xml_string(xml())
         model.vis.global_.offwidth, model.vis.global_.offheight = self.width, self.height
         return model, mujoco.MjData(model)

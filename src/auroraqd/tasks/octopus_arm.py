@@ -41,6 +41,9 @@ class OctopusArm(Gym):
         samples: moments that are observed.
         positions: of MuJoCo's qpos; by default the places of the plates.
 
+    Raises:
+        ValueError: as a `Gym`; or MuJoCo is older than 3.16.
+
     Examples:
         >>> import auroraqd
         >>> arm = auroraqd.tasks.OctopusArm(steps=10, samples=5)
