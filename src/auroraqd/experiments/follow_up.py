@@ -275,5 +275,6 @@ CLAIMS = (
         "about -590 against -222 to -285",
         APART,
         higher(FITNESS, _ORDER[1:], ("taxons", "novelty-search")),
+        _CORRECTED,
     ),
 )
