@@ -6,8 +6,8 @@ much time is walked by walks without layers, whose genes are those of five gaits
 After A. Cully, Y. Demiris, Hierarchical Behavioral Repertoires with Unsupervised Descriptors, GECCO 2018. Needs the extra
 `robots`.
 
-    python examples/walking.py         # ten minutes of one core; the figure is runs/walking/walking.png
-    python examples/walking.py 60 5    # five seeds
+    python examples/walking.py         # four minutes of one core; the figure is runs/walking/walking.png
+    python examples/walking.py 40 3    # three seeds
 """
 
 import sys
@@ -97,7 +97,7 @@ def draw(kinds, gaits, path):
             axes.plot(*np.array(marks).T, "x", color="black", markersize=6)
             axes.set(title=f"{name}: {100 * error:.0f} cm off", aspect="equal", xlabel="x, m")
             axes.margins(0.15)
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=130, bbox_inches="tight")
 
 
 def nearest(found, marks):
@@ -106,7 +106,7 @@ def nearest(found, marks):
     return found.observation[errors.argmin()], errors.min()
 
 
-def main(generations=60, seeds=1):
+def main(generations=40, seeds=1):
     floor, off = [], []
     for seed in range(seeds):
         gaits = discovered("gaits", lambda genotypes: gait(genotypes, None)[0], HEXAPOD.n_genes, 2 * generations, seed)

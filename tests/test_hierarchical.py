@@ -141,8 +141,10 @@ def test_hierarchies_that_are_none():
         with pytest.raises(ValueError, match="there must be genotypes"):
             task(genotypes)
     for wrong in (lambda g, s: g, lambda g, s: (g, s, s)):
-        with pytest.raises(ValueError, match="the task must return an evaluation and a state, got"):
+        with pytest.raises(ValueError, match=r"must return a pair, \(evaluation, state\), got"):
             Hierarchical(known, wrong, 2)(np.full((2, 4), 0.5))
+    with pytest.raises(ValueError, match=r"of the pair \(evaluation, state\) .* the first: it must return a tuple"):
+        Hierarchical(known, lambda g, s: (np.zeros(len(g)), g), 2)(np.full((2, 4), 0.5))
 
 
 def step(genotypes):

@@ -46,7 +46,8 @@ _KLC_READING = (
 )
 _SPREAD = (
     "It grows with the length of training on the prior data set, with and without a split, and is past the published number "
-    "long before the length that the paper says: benchmarks/learned.py --ablations, benchmarks/literal.py, docs/reproduction.md."
+    "long before the length that the paper says: benchmarks/learned.py --ablations, benchmarks/literal.py, "
+    "docs/reproduction.md."
 )
 _UNTOLD = "The physics of the paper's table were never published; why cannot be told (docs/reproduction.md)."
 

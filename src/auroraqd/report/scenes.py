@@ -52,7 +52,7 @@ def scene_of(config: Mapping[str, Any], repertoire: Repertoire) -> Scene:
     if observation is None:
         raise ValueError(
             f"skills must be trajectories in the plane, observations or a stream of shape (steps, 2), got "
-            f"{shapes_of(repertoire.observation)}"
+            f'{shapes_of(repertoire.observation)}: return what moves in the plane as streams, {{"robot": way[..., :2], ...}}'
         )
     if str(config.get("task")).partition(":")[0] == "air-hockey" or importable(config) == _AIR_HOCKEY:
         wall, streams = np.full(2, air_hockey.WALL), streams_of(repertoire.observation)

@@ -121,9 +121,14 @@ class Hierarchical:
             given = (skills, state, self._seeds(seeds, step, len(rows))) if self.seeded else (skills, state)
             result = execute(*given)
             if not isinstance(result, tuple) or len(result) != 2:
-                raise ValueError(f"the task must return an evaluation and a state, got {type(result).__name__}")
+                came = f"a tuple of {len(result)}" if isinstance(result, tuple) else type(result).__name__
+                raise ValueError(f"the task of a Hierarchical must return a pair, (evaluation, state), got {came}")
             evaluation, state = result
-            evaluation = as_evaluation(evaluation, len(rows))
+            try:
+                evaluation = as_evaluation(evaluation, len(rows))
+            except ValueError as error:
+                of = "of the pair (evaluation, state) that the task of a Hierarchical must return, the first"
+                raise ValueError(f"{of}: {error}") from None
             done.append(Evaluation(*(None if column is None else column.copy() for column in evaluation)))
         fitness = np.sum([evaluation.fitness for evaluation in done], axis=0)
         return Evaluation(fitness, _stacked([e.observation for e in done]), done[-1].ground_truth), state
