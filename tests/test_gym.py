@@ -374,6 +374,8 @@ def test_splines():
             wanted = pchip_interpolate(np.arange(4), knots, np.linspace(0, 3, 31))
             assert_allclose(found[row, :, actuator], wanted, atol=1e-12)
     assert splines(genes, 2, np.zeros(1)).shape == (3, 1, 2)
+    broken = np.where(np.arange(8) == 5, [[np.inf], [0.5], [np.nan]], genes)
+    assert np.isnan(splines(broken, 2, np.arange(3))).all(axis=(1, 2)).tolist() == [True, False, True]
 
 
 def test_mlp_by_hand():

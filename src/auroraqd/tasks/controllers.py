@@ -143,8 +143,11 @@ class Splines:
         from scipy.interpolate import PchipInterpolator  # takes half a second
 
         knots = 2 * genotypes.reshape(-1, actuators, self.knots) - 1
-        curve = PchipInterpolator(np.linspace(0, 1, self.knots), knots, axis=2)
-        return np.moveaxis(curve(np.linspace(0, 1, len(time))), 2, 1)
+        finite = np.isfinite(knots)  # SciPy takes no others
+        curve = PchipInterpolator(np.linspace(0, 1, self.knots), np.where(finite, knots, 0), axis=2)
+        controls = np.moveaxis(curve(np.linspace(0, 1, len(time))), 2, 1)
+        controls[~finite.all(axis=(1, 2))] = np.nan
+        return controls
 
 
 @dataclass(frozen=True)
