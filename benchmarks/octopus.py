@@ -2,7 +2,7 @@
 each other on the same budget.
 
     pip install ".[robots]"
-    python benchmarks/octopus.py      # five seeds of 3,000 evaluations each: a quarter of an hour of one core
+    python benchmarks/octopus.py      # three seeds of 3,000 evaluations each: a quarter of an hour of one core
     python benchmarks/octopus.py --quick    # to see it work: seconds; no conclusions can be drawn
 
 `auroraqd.tasks.OctopusArm`, a soft bar in water, bent for two seconds by 16 muscles along curves of 48 genes. AURORA sees where
@@ -54,7 +54,7 @@ def cubes(places: Any, side: float) -> int:
 
 
 def main() -> None:
-    options = options_of(str(__doc__), 5, 60, "results/octopus")
+    options = options_of(str(__doc__), 3, 60, "results/octopus")
     compare(octopus(), options.out / "found.csv", options.seeds, options.generations, options.batch)
 
 

@@ -88,7 +88,10 @@ def test_the_command_line_wins(tmp_path):
         (b"task = '\xff'", "run.toml is no TOML: 'utf-8' codec can't decode"),
         ("log = " + "[" * 5000, "run.toml is no TOML: "),
         ("generations = 0", "generations must be a whole number, 1 or more, got 0"),
-        ('task = "juggling"', "task must be one of ballistic, air-hockey, air-hockey-camera, maze, hexapod, or your own"),
+        (
+            'task = "juggling"',
+            "task must be one of ballistic, air-hockey, air-hockey-camera, maze, hexapod, octopus-arm, or your own",
+        ),
         ("checkpoint-every = -1", "Invalid value for '--checkpoint-every'"),
         (None, "there is no file run.toml"),
     ],

@@ -361,6 +361,12 @@ def calls(folder):
         found["tasks.Gym(), noisy"] = Call(lambda: tasks.Gym(**cart, noisy=True), {**ten, "seeds": [1, 2, 3]})
         found["tasks.Hexapod"] = Call(lambda: tasks.Hexapod, {"seconds": 0.03, "samples": 1, "threads": 1})
         found["tasks.Hexapod()"] = Call(lambda: tasks.Hexapod(seconds=0.03, samples=1), {"genotypes": np.full((3, 36), 0.5)})
+        found["tasks.Hexapod.carried"] = Call(
+            lambda: tasks.Hexapod(seconds=0.03, samples=1).carried, {"genotypes": np.full((3, 36), 0.5)}
+        )
+        arm = {"steps": 1, "samples": 1, "threads": 1}
+        found["tasks.OctopusArm"] = Call(lambda: tasks.OctopusArm, arm, unnamed=("options",))
+        found["tasks.OctopusArm()"] = Call(lambda: tasks.OctopusArm(**arm), {"genotypes": np.full((3, 48), 0.5)})
         found["tasks.Gym.episode"] = Call(lambda: tasks.Gym(**cart).episode, ten)
     for empty in archives():
         kind, full = type(empty).__name__, filled(copy.deepcopy(empty))
@@ -390,6 +396,7 @@ ELSEWHERE = {  # public names that no call of their own: values, errors, and wha
     "tasks.DAMAGES",
     "tasks.Gym",  # which is there if the extra is
     "tasks.Hexapod",
+    "tasks.OctopusArm",
     "archives",  # what is public in it is public here
     "emitters",
     "callbacks",  # in test_loggers.py and others
