@@ -235,8 +235,7 @@ def test_command_line(tmp_path):
         ("mine:failing", "task failing at generation 0 raised OSError: no motor"),
         (
             "balistic",
-            "task must be one of ballistic, air-hockey, air-hockey-camera, maze, hexapod, octopus-arm, or your own, written like "
-            "mymodule",
+            "task must be one of ballistic, air-hockey, air-hockey-camera, maze, hexapod, octopus-arm, or your own, written",
         ),
     ],
 )
