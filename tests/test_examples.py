@@ -208,15 +208,10 @@ def alone(folder, block):
     assert done.returncode == 0, f"{block}\n{done.stderr}"
 
 
-@pytest.fixture
-def block_of():
+def block_of(document):
     """The block of `py` in a document, which has one."""
-
-    def block(document):
-        [found] = [code for kind, code in ELSEWHERE.findall((ROOT / "docs" / document).read_text()) if kind == "py"]
-        return found
-
-    return block
+    [found] = [code for kind, code in ELSEWHERE.findall((ROOT / "docs" / document).read_text()) if kind == "py"]
+    return found
 
 
 def test_no_other_blocks_are_for_other_machines():
@@ -226,20 +221,20 @@ def test_no_other_blocks_are_for_other_machines():
     assert there == {f"how-to/{name}.md" for name in ("deploy", "from_qdax", "robots", "workers")}
 
 
-def test_the_block_for_a_robot(block_of, tmp_path):
+def test_the_block_for_a_robot(tmp_path):
     for words in (("run", "ballistic", "-n", 20, "--no-figures", "--out", "run"), ("deploy", "run", "--out", "robot")):
         assert commands.cli(*words, cwd=tmp_path).returncode == 0
     alone(tmp_path / "robot", block_of("how-to/deploy.md"))
 
 
-def test_the_block_for_a_model(block_of, tmp_path):
+def test_the_block_for_a_model(tmp_path):
     gymnasium = pytest.importorskip("gymnasium")
     pytest.importorskip("mujoco")
     model = Path(gymnasium.__file__).parent / "envs/mujoco/assets/ant.xml"
     alone(tmp_path, block_of("how-to/robots.md").replace("/where/it/is/robot.xml", str(model)) + "assert mine.n_genes == 25\n")
 
 
-def test_the_block_for_slurm(block_of, tmp_path):
+def test_the_block_for_slurm(tmp_path):
     (tmp_path / "dask_jobqueue.py").write_text(SLURM)
     (tmp_path / "my_robot.py").write_text(ROBOT)
     block = block_of("how-to/workers.md").replace("/shared/runs/first", "run").replace("generations=5000", "generations=2")
@@ -247,7 +242,7 @@ def test_the_block_for_slurm(block_of, tmp_path):
     assert auroraqd.load(tmp_path / "run").history.last.generation == 2
 
 
-def test_the_block_of_qdax(block_of, tmp_path):
+def test_the_block_of_qdax(tmp_path):
     pytest.importorskip("qdax")
     imports, rest = block_of("how-to/from_qdax.md").split("\n\n", 1)
     alone(tmp_path, f"{imports}\n{AROUND_QDAX}\n{rest}\nassert int(found.get_number_genotypes()) > 8\n")

@@ -198,6 +198,19 @@ def test_soft_bodies_touch(height, touching):
     assert_array_equal(found & ~np.array(below), False)
 
 
+def test_soft_bodies_touch_with_their_elements():
+    pole = '<geom type="box" size="0.01 0.01 0.05" pos="0.02 0.013 0.1"/>'
+    model = mujoco.MjModel.from_xml_string(BALL.format(height=0.2).replace('<geom type="plane" size="2 2 0.1"/>', pole))
+    [[found]] = Contacts(model)(np.zeros((1, 1, model.nq)))
+    data = mujoco.MjData(model)
+    mujoco.mj_fwdPosition(model, data)
+    touched = model.flex_elem.reshape(-1, 4)[data.contact.elem[:, 1]]  # by the pole, that ends below
+    assert data.ncon > 0
+    assert (data.contact.vert < 0).all()
+    assert np.flatnonzero(found).tolist() == sorted({int(body) - 1 for body in model.flex_vertbodyid[touched].ravel()})
+    assert 4 <= found.sum() < 27
+
+
 def test_a_film_shows_all_of_it(tmp_path):
     task = OctopusArm(steps=4, samples=2, threads=1)
     film(task, np.full((2, 48), 0.5), tmp_path / "arms.gif")

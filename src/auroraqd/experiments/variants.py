@@ -80,6 +80,11 @@ class Experiment:
     replications: int = 20
     common: Mapping[str, Any] = field(default_factory=_of_the_paper)
 
+    @property
+    def scores_diversity(self) -> bool:
+        """Whether the diversity score is among the measures."""
+        return any(measure.name == "diversity" for measure in self.measures)
+
     def base(self, generations: int | None = None, batch_size: int | None = None) -> Settings:
         """What the variants have in common; None: as it was published."""
         budget = {"generations": generations or self.generations, "batch_size": batch_size or self.batch_size}

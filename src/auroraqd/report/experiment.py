@@ -43,7 +43,7 @@ def write_report(ledger: Ledger, experiment: Experiment) -> list[Path]:
     if repertoires:
         written += save_figure(panel_figure(repertoires, experiment), figures, "repertoires")
     trajectories = next((r.observation for r in repertoires.values()), None)
-    if trajectories is not None and any(measure.name == "diversity" for measure in experiment.measures):
+    if trajectories is not None and experiment.scores_diversity:
         written += save_figure(diversity_figure(trajectories), figures, "diversity")
     return written
 

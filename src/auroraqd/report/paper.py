@@ -125,7 +125,7 @@ def _results(ledger: Ledger, experiment: Experiment) -> list[Heading | Text | Ta
     repertoires = first_repertoires(ledger, experiment.variants)
     if repertoires:
         blocks.append(Picture(panel_figure(repertoires, experiment), "Repertoires of the first replication"))
-        if any(measure.name == "diversity" for measure in experiment.measures):
+        if experiment.scores_diversity:
             trajectories = next(iter(repertoires.values())).observation
             blocks.append(Picture(diversity_figure(trajectories), "What the diversity score counts"))
     return blocks

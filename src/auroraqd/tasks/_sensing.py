@@ -219,18 +219,17 @@ class Contacts:
 
 
 def _bodies_in(model: Any, contacts: Any) -> Iterator[int]:
-    """Of contacts in which a force acts: those of geoms, and those at vertices and tetrahedra of soft bodies."""
+    """Of contacts in which a force acts: those of geoms, and those at vertices and elements of soft bodies."""
     acting = contacts.exclude == 0
-    geoms, flexes = contacts.geom[acting], contacts.flex[acting]
+    geoms, *soft = (sides[acting].ravel() for sides in (contacts.geom, contacts.flex, contacts.vert, contacts.elem))
     yield from model.geom_bodyid[geoms[geoms >= 0]]
-    for place in zip(*np.nonzero(flexes >= 0), strict=True):
-        flex, vertex, element = flexes[place], contacts.vert[acting][place], contacts.elem[acting][place]
-        vertices = np.array([vertex])
-        if vertex < 0:
+    for flex, vertex, element in zip(*soft, strict=True):
+        if flex >= 0:
             corners = model.flex_dim[flex] + 1
-            vertices = model.flex_elem[model.flex_elemdataadr[flex] + corners * element :][:corners]
-        bodies = model.flex_vertbodyid[model.flex_vertadr[flex] + vertices]
-        yield from bodies[bodies >= 0]  # of a body that deforms as a whole there are none
+            first = model.flex_elemdataadr[flex] + corners * element
+            vertices = [vertex] if vertex >= 0 else model.flex_elem[first : first + corners]
+            bodies = model.flex_vertbodyid[model.flex_vertadr[flex] + vertices]
+            yield from bodies[bodies >= 0]  # of a body that deforms as a whole there are none
 
 
 class Pictures:
