@@ -302,7 +302,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         n_components = self.architecture_["n_components"]
         if z.ndim != 2 or z.shape[1] != n_components:
             raise ValueError(f"z must have shape (n, {n_components}), got {z.shape}")
-        return self._scaler().inverse(use.decode(z)).reshape(len(z), *self.observation_shape_)
+        return use.scaler.inverse(use.decode(z)).reshape(len(z), *self.observation_shape_)
 
     @property
     def observation_shape_(self) -> tuple[int, ...]:

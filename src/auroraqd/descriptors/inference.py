@@ -14,14 +14,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auroraqd.descriptors.layers import AutoEncoderNetwork
+from auroraqd.descriptors.layers import AutoEncoderNetwork, through, unrolled
 from auroraqd.descriptors.scaling import Scaler
 
 _BLOCK = 32  # rows: a multiple of as many as a processor takes at once, or those left over are rounded in another way
 
 
 class InUse(Protocol):
-    """A network that maps observations, (n, features), as they are."""
+    """A network that maps observations, (n, features), as they are.
+
+    Attributes:
+        scaler: of observations.
+    """
+
+    scaler: Scaler
 
     def encode(self, x: np.ndarray) -> np.ndarray:
         """Latent positions, (n, d) float64."""
@@ -45,21 +51,23 @@ class Plain:
     """
 
     def __init__(self, network: AutoEncoderNetwork, scaler: Scaler) -> None:
-        self._network, self._scaler = network, scaler
+        # a method of a module of Equinox takes longer to look up than a layer takes
+        self._encoder, self._decoder = unrolled(network.encoder), unrolled(network.decoder)
+        self.scaler = scaler
 
     def encode(self, x: np.ndarray) -> np.ndarray:
         """See `InUse`."""
-        return self._network.encode(self._scaler(x))
+        return through(self._encoder, self.scaler(x))
 
     def decode(self, z: np.ndarray) -> np.ndarray:
         """See `InUse`."""
-        return self._network.decode(z)
+        return through(self._decoder, z)
 
     def describe(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `InUse`."""
-        scaled = self._scaler(x)
-        z = self._network.encode(scaled)
-        return z, ((self._network.decode(z) - scaled) ** 2).sum(axis=1)
+        scaled = self.scaler(x)
+        z = through(self._encoder, scaled)
+        return z, ((self.decode(z) - scaled) ** 2).sum(axis=1)
 
 
 class Compiled:
@@ -67,6 +75,7 @@ class Compiled:
 
     def __init__(self, network: AutoEncoderNetwork, scaler: Scaler) -> None:
         self._network = jax.tree.map(lambda weight: jnp.asarray(weight, jnp.float32), network)
+        self.scaler = scaler
         self._scaling = tuple(jnp.asarray(part, jnp.float32) for part in (scaler.center, scaler.factor))
 
     def encode(self, x: np.ndarray) -> np.ndarray:

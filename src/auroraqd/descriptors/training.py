@@ -11,6 +11,7 @@ mini-batch at a time; that loop is compiled once for any number of them.
 """
 
 import copy
+import math
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator
@@ -31,6 +32,8 @@ from auroraqd.observations import FlatRows
 
 Array = Any
 _LEAST_ROWS = 256
+# Fewer rows are filled up to the first of these, or to the second, of entries: compiling for fewer takes longer.
+_SOME_ROWS, _SOME_ENTRIES = 4096, 2**18
 _REPORT = 0.5  # s between two looks at the training
 _EPSILON = 1e-12  # under roots, whose slope at 0 is infinite
 _ADAGRAD_START = 0.1  # TensorFlow's default, which the reference kept
@@ -176,7 +179,7 @@ def _steps(
 ) -> Generator[Progress, None, Trained]:
     """The training in pieces of about half a second; returns its result."""
     n = len(data.x)
-    size, padded = _sizes(n, protocol.batch_size)
+    size, padded = _sizes(n, math.prod(data.x.shape[1:]), protocol.batch_size)
     assert isinstance(data.x, np.ndarray)  # scaled rows
     x, targets = (None if rows is None else _padded(rows, padded) for rows in (data.x, data.targets))
     weights, structure = eqx.partition(jax.tree.map(jnp.asarray, network), eqx.is_array)
@@ -229,13 +232,13 @@ def _steps(
     return Trained(eqx.combine(trained, structure), epochs, rmse, validated, diverged)
 
 
-def _sizes(n: int, batch_size: int | None) -> tuple[int, int]:
+def _sizes(n: int, features: int, batch_size: int | None) -> tuple[int, int]:
     """Rows a step, and rows with padding: a multiple of it, of which there are few for all n."""
     if batch_size is None:  # padding would cost as much as rows do
         size = -(-n // _LEAST_ROWS) * _LEAST_ROWS
         return size, size
     padded = _LEAST_ROWS
-    while padded < n:
+    while padded < n or (padded < _SOME_ROWS and padded * features < _SOME_ENTRIES):
         padded *= 4
     size = min(batch_size, padded)
     return size, -(-padded // size) * size
@@ -302,6 +305,7 @@ def _functions(structure: Any, kind: Network, protocol: Protocol) -> _Functions:
     else:
         scale = optax.scale_by_rss(initial_accumulator_value=_ADAGRAD_START)
     optimizer = optax.chain(optax.clip_by_global_norm(protocol.clip), scale) if protocol.clip else scale
+    optimizer = optax.flatten(optimizer)  # one pass over all weights, not some over each
 
     def encoded(network: Any, batch: _Batch, noise: _Noise | None) -> tuple[Array, Array, Array | None]:
         """Latent positions, what of them is decoded, and what is to be small of a variational network."""
