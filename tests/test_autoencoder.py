@@ -201,6 +201,15 @@ def test_the_lowest_validation_error_counts():
     assert_allclose(longer.transform(x), long.transform(x), atol=1e-4)  # the best came before, and was kept
 
 
+@pytest.mark.parametrize("batch_size", [1, 64, 256, 5000, None])
+def test_rows_are_filled_up_to_few_lengths(batch_size):
+    found = {n: training._sizes(n, 100, batch_size) for n in range(1, 20_000, 7)}
+    assert all(padded % size == 0 and padded >= n for n, (size, padded) in found.items())
+    assert batch_size is None or len(set(found.values())) <= 3
+    assert batch_size is None or len({found[n] for n in found if n <= 4096}) == 1
+    assert training._sizes(3, 10**6, batch_size)[1] < 10_000  # long rows take memory
+
+
 def test_rising_is_about_windows():
     def rising(values):
         return bool(training._rising(jnp.asarray(values, jnp.float32), jnp.asarray(len(values))))

