@@ -5,7 +5,8 @@ state, so that what comes out follows from the genotype alone. What is sensed ar
 joints at 20 moments of two seconds. In the end the error of reconstructions is told for controllers that no run has seen.
 
     pip install pybullet
-    python examples/laikago.py        # 40 generations of 50, some minutes
+    python examples/laikago.py                 # 40 generations of 50, some minutes
+    python examples/laikago.py 40 cautious     # or: 40 pca
 
 Writes the run folder `runs/laikago`, with figures.
 """
@@ -15,6 +16,7 @@ import sys
 import numpy as np
 import pybullet
 import pybullet_data
+from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd.metrics import reconstruction_error
@@ -62,6 +64,11 @@ class Laikago:
         return np.array(sensed)
 
 
+DESCRIPTORS = {
+    "autoencoder": auroraqd.AutoEncoder(2),
+    "cautious": auroraqd.AutoEncoder(2, repeats=1, warm_start=False),  # few individuals of 300 numbers are soon known by heart
+    "pca": PCA(n_components=2),
+}
 controller = auroraqd.tasks.Sinusoids()
 laikago = Laikago()
 
@@ -73,20 +80,21 @@ def walk(genotype):
     return sensed[-1, 0] * 240 / STEPS, sensed, sensed[-1, :2]
 
 
-def main(generations=40):
+def main(generations=40, descriptor="autoencoder"):
+    generations = int(generations)
     task = auroraqd.tasks.each(walk, n_genes=controller.n_genes(len(BENT)))
     options = {"seed": 0, "batch_size": 50, "selection": auroraqd.Uniform(), "variation": auroraqd.IsoLine(0.02, 0.2)}
-    aurora = auroraqd.Aurora(task.n_genes, auroraqd.AutoEncoder(2), **options, schedule=auroraqd.Doubling(5))
+    aurora = auroraqd.Aurora(task.n_genes, DESCRIPTORS[descriptor], **options, schedule=auroraqd.Doubling(5))
     aurora.run(task, generations=generations)
     auroraqd.save(aurora, "runs/laikago")
     write_figures("runs/laikago")
     repertoire = auroraqd.load("runs/laikago")
-    unseen = task(np.random.default_rng(1).random((5 * generations, task.n_genes)))[1]
+    unseen = task(np.random.default_rng(1).random((10 * generations, task.n_genes)))[1]
     told = repertoire.reconstruct(repertoire.describe(unseen))
-    spread = np.ptp(repertoire.observation, axis=(0, 1)) / 2
+    spread = np.ptp(unseen, axis=(0, 1)) / 2
     error = reconstruction_error(unseen / spread, told / spread).mean()
-    print(f"{len(repertoire)} individuals; of controllers never seen, RMSE {error:.3f} on the [-1, 1] scale")
+    print(f"{len(repertoire)} individuals; of controllers never seen, RMSE {error:.3f} on their [-1, 1] scale")
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(*sys.argv[1:])
