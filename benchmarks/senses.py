@@ -94,10 +94,10 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", choices=[*DESCRIPTORS], default=[*DESCRIPTORS])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--update", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="two generations of brief episodes, or 100; hardly trained")
+    parser.add_argument("--quick", action="store_true", help="two generations, without networks; or 100 episodes")
     chosen = parser.parse_args()
     generations, steps, rows, training = (2, 10, 100, BRIEF) if chosen.quick else (GENERATIONS, 100, ROWS, {})
     if chosen.update:
         update(rows, steps, training)
     else:
-        runs(chosen.only, chosen.seed, generations, steps, training)
+        runs(["hand-coded", "pca"] if chosen.quick else chosen.only, chosen.seed, generations, steps, training)
