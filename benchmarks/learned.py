@@ -91,8 +91,8 @@ def paper_size(generations, training):
     """Whole runs with auto-encoders, and where their seconds go; the second of a kind has nothing to compile."""
     print(f"\n### A run of paper size with an auto-encoder: {generations:,} generations of 200\n")
     print("| auto-encoder | seconds | training | describing | stored | KLC | RMSE |\n|---|---|---|---|---|---|---|")
-    ofs = {"the default": {}, "that of the paper's variants": {**BRIEF, "isometry": 0.0}}
-    for (name, options), again in itertools.product(ofs.items(), ("", ", again")):
+    kinds = {"the default": {}, "that of the paper's variants": {**BRIEF, "isometry": 0.0}}
+    for (name, options), again in itertools.product(kinds.items(), ("", ", again")):
         with seconds_of(training_loop, "train") as trained, seconds_of(Descriptor, "describe") as described:
             size, score, error, seconds = grown({**options, **training}, seed=0, generations=generations)
         spent = " | ".join(f"{sum(times):.1f}" for times in ([seconds], trained, described))

@@ -28,11 +28,11 @@ from auroraqd import AutoEncoder, Streams
 GENERATIONS, BATCH, CELLS, ROWS = 60, 50, 2_000, 5_000
 BRIEF = {"min_steps": 10, "max_epochs": 1, "repeats": 1}  # training, to see it work
 DESCRIPTORS = {
-    "hand-coded": lambda **training: "hand-coded",
-    "pca": lambda **training: Streams(PCA(n_components=3)),
-    "joints": lambda **training: Streams(joints=AutoEncoder(3, **training), eye=None, feet=None),
-    "eye": lambda **training: Streams(eye=AutoEncoder(3, **training), joints=None, feet=None),
-    "autoencoder": lambda **training: AutoEncoder(3, **training),
+    "hand-coded": lambda: "hand-coded",
+    "pca": lambda: Streams(PCA(n_components=3)),
+    "joints": lambda: Streams(joints=AutoEncoder(3), eye=None, feet=None),
+    "eye": lambda: Streams(eye=AutoEncoder(3), joints=None, feet=None),
+    "autoencoder": lambda: AutoEncoder(3),
 }
 SAID = {
     "hand-coded": "hand-coded: where it ends",
@@ -64,7 +64,7 @@ def _apart(a, b):
     return np.linalg.norm(a - b, axis=1)
 
 
-def runs(names, seed, generations, steps, training):
+def runs(names, seed, generations, steps):
     task = ant(steps)
     print(f"### Ant: {generations} generations of {BATCH}, seed {seed}\n")
     print(
@@ -73,7 +73,7 @@ def runs(names, seed, generations, steps, training):
     for name in names:
         since = time.perf_counter()
         options = {"seed": seed, "batch_size": BATCH, "resolution": auroraqd.VAT(cells=CELLS)}
-        aurora = auroraqd.Aurora(task.n_genes, DESCRIPTORS[name](**training), schedule=auroraqd.Doubling(10), **options)
+        aurora = auroraqd.Aurora(task.n_genes, DESCRIPTORS[name](), schedule=auroraqd.Doubling(10), **options)
         archive = aurora.run(task, generations=generations).archive
         seconds, area = time.perf_counter() - since, area_of(archive.ground_truth, side=0.5)
         shares = " | ".join(f"{share:.2f}" for share in alike(archive).values())
@@ -96,8 +96,10 @@ if __name__ == "__main__":
     parser.add_argument("--update", action="store_true")
     parser.add_argument("--quick", action="store_true", help="two generations, without networks; or 100 episodes")
     chosen = parser.parse_args()
-    generations, steps, rows, training = (2, 10, 100, BRIEF) if chosen.quick else (GENERATIONS, 100, ROWS, {})
+    generations, steps, names = GENERATIONS, 100, chosen.only
+    if chosen.quick:
+        generations, steps, names = 2, 10, ["hand-coded", "pca"]
     if chosen.update:
-        update(rows, steps, training)
+        update(*((100, steps, BRIEF) if chosen.quick else (ROWS, steps, {})))
     else:
-        runs(["hand-coded", "pca"] if chosen.quick else chosen.only, chosen.seed, generations, steps, training)
+        runs(names, chosen.seed, generations, steps)

@@ -22,7 +22,7 @@ import auroraqd
 from auroraqd.metrics import reconstruction_error
 from auroraqd.report import write_figures
 
-STANDS = np.array([0.0, 0.0, 0.5])  # m
+STANDS = [0.0, 0.0, 0.5]  # m
 STRAIGHT_UP = [0.0, 0.5, 0.5, 0.0]  # as its model lies
 BENT = np.tile([0.0, 0.3, -0.6], 4)  # rad, of the joints of a leg
 REACH = np.tile([0.2, 0.5, 0.5], 4)  # rad, to both sides
@@ -37,7 +37,7 @@ class Laikago:
         pybullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.world)
         pybullet.setGravity(0, 0, -9.81, self.world)
         pybullet.loadURDF("plane.urdf", physicsClientId=self.world)
-        where = {"basePosition": STANDS.tolist(), "baseOrientation": STRAIGHT_UP}
+        where = {"basePosition": STANDS, "baseOrientation": STRAIGHT_UP}
         self.robot = pybullet.loadURDF("laikago/laikago_toes.urdf", **where, physicsClientId=self.world)
         kinds = [
             pybullet.getJointInfo(self.robot, j, self.world)[2] for j in range(pybullet.getNumJoints(self.robot, self.world))
