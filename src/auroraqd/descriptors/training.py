@@ -5,9 +5,9 @@ and validation rows and each continuing the same weights; a repeat ends early wh
 number of epochs, rises.
 
 Short rows lie in memory as a whole, scaled. The loop is compiled for few numbers of them, some thousands and each fourfold, not
-for each number: rows beyond the last are padding that no mini-batch draws. Python only looks in between, about twice a second, to show
-progress. Long ones, images, are read in parts of a few mini-batches from where they are stored, in their dtype, and scaled a
-mini-batch at a time; that loop is compiled once for any number of them.
+for each number: rows beyond the last are padding that no mini-batch draws. Python only looks in between, about twice a second,
+to show progress. Long ones, images, are read in parts of a few mini-batches from where they are stored, in their dtype, and
+scaled a mini-batch at a time; that loop is compiled once for any number of them.
 """
 
 import copy
