@@ -14,7 +14,10 @@ from sklearn.exceptions import NotFittedError
 
 import auroraqd
 from auroraqd.descriptors import autoencoder, layers, training
+from auroraqd.descriptors._convolution import Convolved, Pooled
+from auroraqd.descriptors.inference import Plain
 from auroraqd.descriptors.networks import MLP, Convolutional
+from auroraqd.descriptors.scaling import Scaling
 from auroraqd.metrics import reconstruction_error
 
 SHORT = {"hidden": (16,), "max_epochs": 6, "repeats": 2, "min_steps": 0}
@@ -39,39 +42,66 @@ def test_the_network_of_the_paper_has_as_many_parameters():
     assert sum(leaf.size for leaf in leaves) == 11_809
 
 
-@pytest.mark.parametrize("shape", [(50, 2), (9, 3), (2, 1), (1, 1), (1, 4)])
+@pytest.mark.parametrize("shape", [(50, 2), (9, 3), (10, 2), (11, 1), (2, 1), (1, 1), (1, 4)])
 def test_convolution_and_pooling_agree_with_their_twins(shape):
     rng = np.random.default_rng(0)
-    layer = layers.Convolution.random(shape, 1, 2, "linear", rng)
-    layer = eqx.tree_at(lambda c: (c.kernel, c.bias), layer, (layer.kernel.astype(float), np.array([0.3, -0.7])))
+    layer = layers.Convolution.random(shape, 1, 2, rng)
+    layer = eqx.tree_at(lambda c: c.bias, layer, np.array([0.3, -0.7], np.float32))
     images = rng.normal(size=(4, *shape))
-    flat = layer(images.reshape(4, -1))
-    pooled = layers.MaxPooling(shape, 2)(flat)
-    for n in range(4):
-        for m in range(2):
-            wanted = naive.convolution(images[n].tolist(), layer.kernel[0, m].reshape(layers.KERNEL).tolist(), layer.bias[m])
-            assert_allclose(flat[n].reshape(2, *shape)[m], wanted)
-            assert_array_equal(pooled[n].reshape(2, *shape)[m], naive.max_pooling(flat[n].reshape(2, *shape)[m].tolist()))
+    wanted = [
+        [naive.convolution(image.tolist(), kernel.reshape(layers.KERNEL).tolist(), bias) for image in images]
+        for kernel, bias in zip(layer.kernel[0].astype(float), layer.bias.astype(float), strict=True)
+    ]
+    wanted = np.array(wanted).transpose(1, 2, 0, 3)  # (n, steps, maps, channels)
+    wanted = np.where(wanted > 0, wanted, layers.LEAK * wanted)
+    largest = [[naive.max_pooling(image[:, m].tolist()) for m in range(2)] for image in wanted]
+    x, pool = images.reshape(4, -1), layers.MaxPooling(shape, 2)
+    assert_allclose(layer(jnp.asarray(x)), wanted.reshape(4, -1), atol=1e-5)
+    assert_allclose(pool(layer(jnp.asarray(x))), np.array(largest).reshape(4, -1), atol=1e-5)
+    assert_allclose(Convolved(layer)(x), wanted.reshape(4, -1), atol=1e-14)
+    assert_array_equal(Pooled(pool)(wanted.reshape(4, -1)), np.array(largest).reshape(4, -1))
+    assert Pooled(pool)(Convolved(layer)(x[:0])).shape == (0, 2 * x.shape[1])
 
 
 def test_two_maps_to_one_add_up():
     rng = np.random.default_rng(0)
-    both = layers.Convolution.random((6, 2), 2, 1, "linear", rng)
-    x = rng.normal(size=(3, 24)).astype(np.float32)
-    parts = [
-        eqx.tree_at(lambda c: c.kernel, both, both.kernel[i : i + 1])(x[:, 12 * i : 12 * (i + 1)]) - both.bias for i in range(2)
-    ]
-    assert_allclose(both(x), parts[0] + parts[1] + both.bias, rtol=1e-5)
+    both = layers.Convolution.random((6, 2), 2, 1, rng)
+    both = eqx.tree_at(lambda c: c.bias, both, np.array([0.2], np.float32))
+    x = rng.normal(size=(3, 6, 2, 2))
+    total = np.array(
+        [
+            sum(
+                np.array(naive.convolution(image[:, m].tolist(), both.kernel[m, 0].reshape(layers.KERNEL).tolist(), 0.1))
+                for m in range(2)
+            )
+            for image in x
+        ]
+    )
+    wanted = np.where(total > 0, total, layers.LEAK * total).reshape(3, -1)
+    assert_allclose(both(jnp.asarray(x.reshape(3, -1))), wanted, atol=1e-5)
+    assert_allclose(Convolved(both)(x.reshape(3, -1)), wanted, atol=1e-7)  # its weights are of single precision
+
+
+@pytest.mark.parametrize(("padded", "n"), [(1, 1), (256, 0), (256, 1), (256, 200), (300, 300), (4096, 4000)])
+def test_rows_are_shuffled(padded, n):
+    order, another = (np.asarray(training._shuffled(jax.random.key(seed), padded, jnp.asarray(n))) for seed in (0, 1))
+    assert_array_equal(np.sort(order[:n]), np.arange(n))
+    assert_array_equal(order[n:], np.arange(n, padded))
+    if n > 100:
+        assert abs(np.corrcoef(order[:n], another[:n])[0, 1]) < 0.3
+        assert abs(np.corrcoef(order[:n], np.arange(n))[0, 1]) < 0.3
 
 
 def test_numpy_and_jax_agree():
     rng = np.random.default_rng(0)
-    for made, features in ((network((50, 2)), 100), (MLP((8, 5)).build((30,), 3, rng), 30)):
-        x = rng.normal(size=(20, features)).astype(np.float32)
+    for made, features in ((network((50, 2)), 100), (network((9, 3)), 27), (MLP((8, 5)).build((30,), 3, rng), 30)):
+        x = rng.uniform(-1, 1, (20, features))
+        use = Plain(made, Scaling(-np.ones(1), np.ones(1)).scaler(features))
         on_jax = jax.tree.map(jnp.asarray, made)
-        assert isinstance(made.encode(x), np.ndarray)
-        assert_allclose(made.encode(x), on_jax.encode(jnp.asarray(x)), atol=1e-4)
-        assert_allclose(made.decode(made.encode(x)), on_jax.decode(on_jax.encode(jnp.asarray(x))), atol=1e-4)
+        z = use.encode(x)
+        assert z.dtype == np.float64
+        assert_allclose(z, on_jax.encode(jnp.asarray(x)), atol=1e-4)
+        assert_allclose(use.decode(z), on_jax.decode(jnp.asarray(z)), atol=1e-4)
 
 
 @pytest.mark.parametrize("copies", [1, 5])

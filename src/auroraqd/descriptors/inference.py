@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auroraqd.descriptors.layers import AutoEncoderNetwork, through, unrolled
+from auroraqd.descriptors._convolution import Convolved, Pooled
+from auroraqd.descriptors.layers import AutoEncoderNetwork, Convolution, MaxPooling, through
 from auroraqd.descriptors.scaling import Scaler
 
 _BLOCK = 32  # rows: a multiple of as many as a processor takes at once, or those left over are rounded in another way
@@ -52,7 +53,7 @@ class Plain:
 
     def __init__(self, network: AutoEncoderNetwork, scaler: Scaler) -> None:
         # a method of a module of Equinox takes longer to look up than a layer takes
-        self._encoder, self._decoder = unrolled(network.encoder), unrolled(network.decoder)
+        self._encoder, self._decoder = ([_in_numpy(layer) for layer in of] for of in (network.encoder, network.decoder))
         self.scaler = scaler
 
     def encode(self, x: np.ndarray) -> np.ndarray:
@@ -68,6 +69,13 @@ class Plain:
         scaled = self.scaler(x)
         z = through(self._encoder, scaled)
         return z, ((self.decode(z) - scaled) ** 2).sum(axis=1)
+
+
+def _in_numpy(layer: Any) -> Any:
+    """What does the same on rows of float64."""
+    if isinstance(layer, Convolution):
+        return Convolved(layer)
+    return Pooled(layer) if isinstance(layer, MaxPooling) else layer
 
 
 class Compiled:

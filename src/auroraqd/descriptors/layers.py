@@ -1,8 +1,8 @@
 """Layers of auto-encoders: Equinox modules that map rows to rows.
 
-Those of `MLP` and of `Convolutional` work on JAX arrays, for training, and on NumPy arrays of any precision, for use: in
-float64, a copy in another batch differs by rounding only, and nothing has to be compiled for batches of many sizes.
-The others are compiled for both: see `auroraqd.descriptors.inference`.
+Dense ones work on JAX arrays, for training, and on NumPy arrays of any precision, for use: in float64, a copy in another batch
+differs by rounding only, and nothing has to be compiled for batches of many sizes. The others are for JAX; what stands for them
+in use says `auroraqd.descriptors.inference`.
 """
 
 import math
@@ -19,6 +19,9 @@ from auroraqd.descriptors.distances import blurs
 Array = Any  # of NumPy or of JAX
 
 KERNEL = (6, 2)  # steps, channels
+LEAK = 0.2  # slope of the rectifier below 0
+_BLOCK = KERNEL[0] - 1  # steps of a sequence that come out of a product: it reads these and as many more
+_BEFORE = (KERNEL[0] - 1) // 2  # steps that a kernel reaches back
 _MOST_OVERLAP = 2  # stride of kernels that overlap: those of larger ones would take most of the time
 
 
@@ -176,11 +179,6 @@ def fused_network(
     return AutoEncoderNetwork(encoder, decoder)
 
 
-def unrolled(layers: Sequence[Any]) -> tuple[Any, ...]:
-    """The same layers, of which convolutions are dense ones: their matrices are made once, and not for each batch."""
-    return tuple(layer.unrolled() if isinstance(layer, Convolution) else layer for layer in layers)
-
-
 class Dense(eqx.Module):
     """A fully connected layer."""
 
@@ -199,38 +197,45 @@ class Dense(eqx.Module):
 
 
 class Convolution(eqx.Module):
-    """A convolution over (steps, channels) images, zeros around them so that they keep their size.
+    """A convolution over (steps, channels) images, zeros around them so that they keep their size, and a leaky rectifier.
 
-    Rows are images laid out as (maps, steps, channels). On a CPU, XLA's convolution of so few maps takes several times as
-    long as a product with the matrix that does the same, so that is how it is done.
+    Rows are images laid out as (steps, maps, channels). On a CPU, XLA's convolution of so few maps takes several times as long
+    as products with a matrix that does the same for a block of steps, which reads two; so that is how it is done.
     """
 
     kernel: Array  # (maps in, maps out, KERNEL entries)
     bias: Array  # (maps out,)
     shape: tuple[int, int] = eqx.field(static=True)  # steps, channels
-    activation: str = eqx.field(static=True)
 
     @classmethod
-    def random(
-        cls, shape: tuple[int, ...], maps_in: int, maps_out: int, activation: str, rng: np.random.Generator
-    ) -> "Convolution":
+    def random(cls, shape: tuple[int, ...], maps_in: int, maps_out: int, rng: np.random.Generator) -> "Convolution":
         """As `Dense.random`."""
         taps = math.prod(KERNEL)
         kernel = _glorot((maps_in, maps_out, taps), taps * (maps_in + maps_out), rng)
-        return cls(kernel, np.zeros(maps_out, np.float32), (shape[0], shape[1]), activation)
+        return cls(kernel, np.zeros(maps_out, np.float32), (shape[0], shape[1]))
 
     def __call__(self, x: Array) -> Array:
-        """(n, maps in * steps * channels) to (n, maps out * steps * channels)."""
-        return self.unrolled()(x)
+        """(n, steps * maps in * channels) to (n, steps * maps out * channels)."""
+        steps, n = self.shape[0], len(x)
+        blocks = -(-steps // _BLOCK)
+        weight = self._weight()
+        read, given = weight.shape
+        entries = (read - 1) // (2 * _BLOCK)  # of a step
+        after = (blocks + 1) * _BLOCK - _BEFORE - steps
+        x = jnp.pad(x, ((0, 0), (_BEFORE * entries, after * entries))).reshape(n, blocks + 1, _BLOCK * entries)
+        pairs = jnp.concatenate([x[:, :-1], x[:, 1:], jnp.ones((n, blocks, 1), x.dtype)], axis=2)
+        block = pairs.reshape(n * blocks, read) @ weight
+        block = block.reshape(n, blocks * given)[:, : steps * (given // _BLOCK)]
+        return _larger(block, LEAK * block)
 
-    def unrolled(self) -> Dense:
-        """The dense layer that does the same."""
+    def _weight(self) -> Array:
+        """(entries of two blocks in and 1, of a block out): all there is in one product, the bias too."""
         maps_in, maps_out, taps = self.kernel.shape
-        size = math.prod(self.shape)
-        matrix = self.kernel.reshape(-1, taps) @ _placements(self.shape).astype(self.kernel.dtype)
-        matrix = matrix.reshape(maps_in, maps_out, size, size).transpose(0, 2, 1, 3).reshape(maps_in * size, maps_out * size)
-        xp = self.kernel.__array_namespace__()
-        return Dense(matrix, xp.repeat(self.bias, size), self.activation)
+        channels = self.shape[1]
+        matrix = self.kernel.reshape(-1, taps) @ _placements(channels)
+        matrix = matrix.reshape(maps_in, maps_out, 2 * _BLOCK, channels, _BLOCK, channels).transpose(2, 0, 3, 4, 1, 5)
+        bias = jnp.tile(jnp.repeat(self.bias, channels), _BLOCK)
+        return jnp.concatenate([matrix.reshape(-1, len(bias)), bias[None]])
 
 
 class Strided(eqx.Module):
@@ -431,7 +436,10 @@ def _squares(cells: Array) -> Array:
 
 
 class MaxPooling(eqx.Module):
-    """The maximum over 2 x 2 windows of each image, stride 1; windows at the end are cut off by the border."""
+    """The maximum over 2 x 2 windows of each image, stride 1; windows at the end are cut off by the border.
+
+    Reads images laid out as (steps, maps, channels) and gives them as (maps, steps, channels).
+    """
 
     shape: tuple[int, int] = eqx.field(static=True)
     maps: int = eqx.field(static=True)
@@ -441,26 +449,28 @@ class MaxPooling(eqx.Module):
 
     def __call__(self, x: Array) -> Array:
         """(n, maps * steps * channels) to the same."""
-        xp = x.__array_namespace__()
-        images = x.reshape(-1, self.maps, *self.shape)
-        for axis in (2, 3):
-            following = [slice(None)] * 4
-            following[axis] = slice(1, None)
-            last = [slice(None)] * 4
-            last[axis] = slice(-1, None)
-            following = xp.concatenate([images[tuple(following)], images[tuple(last)]], axis=axis)
-            images = _larger(images, following)
-        return images.reshape(x.shape)
+        steps, channels = self.shape
+        images = _pooled(x.reshape(-1, steps * self.maps, channels), 2)
+        images = _pooled(images.reshape(-1, steps, self.maps * channels), 1)
+        return images.reshape(-1, steps, self.maps, channels).swapaxes(1, 2).reshape(x.shape)
 
 
-def _placements(shape: tuple[int, int]) -> np.ndarray:
-    """(KERNEL entries, size * size) of 0 and 1: which entry of the kernel leads from which input to which output.
+def _pooled(images: Array, axis: int) -> Array:
+    """Each entry or the next along this axis, which is larger. Of three axes: XLA takes longer over four."""
+    here, last = jnp.split(images, [images.shape[axis] - 1], axis=axis)
+    following = jax.lax.slice_in_dim(images, 1, None, axis=axis)
+    return jnp.concatenate([_larger(here, following), last], axis=axis)
+
+
+def _placements(channels: int) -> np.ndarray:
+    """(KERNEL entries, 2 _BLOCK * channels * _BLOCK * channels) of 0 and 1: which entry of the kernel leads from which input of
+    two blocks, in turn, to which output of one.
 
     As TensorFlow's "same" padding: of an even number of zeros lacking, one more comes after than before.
     """
-    step, channel = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
-    row = step[:, None] - step[None, :] + (KERNEL[0] - 1) // 2  # [input, output]
-    column = channel[:, None] - channel[None, :] + (KERNEL[1] - 1) // 2
+    given, got = (np.divmod(np.arange(steps * channels), channels) for steps in (2 * _BLOCK, _BLOCK))
+    row = given[0][:, None] - got[0][None, :]  # [input, output]
+    column = given[1][:, None] - got[1][None, :] + (KERNEL[1] - 1) // 2
     entry = np.where((row >= 0) & (row < KERNEL[0]) & (column >= 0) & (column < KERNEL[1]), row * KERNEL[1] + column, -1)
     return (entry.reshape(1, -1) == np.arange(math.prod(KERNEL))[:, None]).astype(np.float32)
 
@@ -478,14 +488,11 @@ def _lecun(inputs: int, outputs: int, rng: np.random.Generator) -> np.ndarray:
 def _activated(name: str, x: Array) -> Array:
     if name == "silu":  # of networks that are compiled
         return jax.nn.silu(x)
-    xp = x.__array_namespace__()
     if name == "tanh":
-        return xp.tanh(x)
-    if name == "leaky_relu":
-        return _larger(x, 0.2 * x)
+        return x.__array_namespace__().tanh(x)
     return x
 
 
 def _larger(a: Array, b: Array) -> Array:
     """Of each two entries. The maximum of JAX shares its slope among equals, which took a quarter of the time of a step."""
-    return np.maximum(a, b) if isinstance(a, np.ndarray) else jnp.where(a >= b, a, b)
+    return jnp.where(a >= b, a, b)

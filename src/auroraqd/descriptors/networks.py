@@ -145,7 +145,7 @@ class Convolutional(Network):
 
         features, maps = math.prod(shape), self._maps
         encoder = (
-            Convolution.random(shape, 1, maps, "leaky_relu", rng),
+            Convolution.random(shape, 1, maps, rng),
             MaxPooling(shape, maps),
             Dense.random(maps * features, self._dense, "tanh", rng),
             Dense.random(self._dense, n_components, "linear", rng),
@@ -153,8 +153,8 @@ class Convolutional(Network):
         decoder = (
             Dense.random(n_components, self._dense, "tanh", rng),
             Dense.random(self._dense, features, "tanh", rng),
-            Convolution.random(shape, 1, maps, "leaky_relu", rng),
-            Convolution.random(shape, maps, 1, "leaky_relu", rng),
+            Convolution.random(shape, 1, maps, rng),
+            Convolution.random(shape, maps, 1, rng),
             Dense.random(features, features, "linear", rng),
         )
         return AutoEncoderNetwork(encoder, decoder)

@@ -360,8 +360,7 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
 
     def epoch(state: _State, rows: _Rows, span: _Span) -> _State:
         key, shuffle = jax.random.split(state.key)
-        lots = jnp.where(jnp.arange(len(rows.train)) < rows.n_train, jax.random.uniform(shuffle, (len(rows.train),)), 2)
-        order = rows.train[jnp.argsort(lots)]
+        order = rows.train[_shuffled(shuffle, len(rows.train), rows.n_train)]
         steps = (rows.n_train + size - 1) // size
 
         def step(i: Array, carried: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -402,6 +401,18 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
         return jax.lax.while_loop(lambda s: ~s.over & (s.epoch < last), lambda s: epoch(s, rows, span), state)
 
     return _Compiled(optimizer, epochs)
+
+
+def _shuffled(key: Array, padded: int, n: Array) -> Array:
+    """The numbers from 0 to `padded`, the first n of them in random order, the others after them.
+
+    A lot and the number that drew it in one word are sorted in a fifth of the time that XLA takes for pairs of them. Of 2^k
+    numbers, lots have 32 - k bits; equal ones keep the order of their numbers.
+    """
+    numbers = jnp.arange(padded, dtype=jnp.uint32)
+    mask = jnp.uint32(2 ** (padded - 1).bit_length() - 1)
+    lots = jnp.where(numbers < n, jax.random.bits(key, (padded,), jnp.uint32) & ~mask, ~mask)
+    return (jnp.sort(lots | numbers) & mask).astype(jnp.int32)
 
 
 _PART = 16  # mini-batches that are read at a time, a power of four, where rows are not held in memory; and of
