@@ -6,7 +6,7 @@ joints at 20 moments of two seconds. In the end the error of reconstructions is 
 
     pip install pybullet
     python examples/laikago.py                 # 40 generations of 50, some minutes
-    python examples/laikago.py 40 cautious     # or: 40 pca
+    python examples/laikago.py 40 plain        # or: 40 pca
 
 Writes the run folder `runs/laikago`, with figures.
 """
@@ -66,7 +66,7 @@ class Laikago:
 
 DESCRIPTORS = {
     "autoencoder": auroraqd.AutoEncoder(2),
-    "cautious": auroraqd.AutoEncoder(2, repeats=1, warm_start=False),  # few individuals of 300 numbers are soon known by heart
+    "plain": auroraqd.AutoEncoder(2, noise=0),  # soon knows by heart a thousand individuals of 300 numbers
     "pca": PCA(n_components=2),
 }
 controller = auroraqd.tasks.Sinusoids()

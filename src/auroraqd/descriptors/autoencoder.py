@@ -53,6 +53,7 @@ _KEPT = 0.5  # squared correlation of latent distances with those that are wante
 _NOTHING = 1e-12  # variance of an entry on the [-1, 1] scale that is none
 _EXPLAINED = 0.05  # share of the variance of the observations below which nothing has been learned
 _METRICS = ("auto", "euclidean", "measured", "geodesic")
+_NOISE = 6.0  # see `AutoEncoder`
 _RETRIES = 2  # of a training that failed, each with
 _SLOWER = 0.2  # times the learning rate of the one before
 _ROWS = 256  # at a time, to be reconstructed
@@ -99,6 +100,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             with the behaviour, blurred images or rhythms of sequences. "geodesic": lengths of shortest paths along the graph of
             nearest neighbours by that measure, which say how far apart observations are that have nothing in common; see
             `auroraqd.descriptors.distances`. "auto": geodesic for images, measured for "recurrent", otherwise euclidean.
+        noise: on what the encoder reads in training, against overfitting: its standard deviation, in the spread of the
+            observations, for each share of their variance that is not explained; see `auroraqd.descriptors.training`. None:
+            with `network="auto"`, 6 where that chooses "mlp"; otherwise 0, none.
         beta: weight of the divergence from a unit normal, in nats, against the same: a variational auto-encoder, see the
             module's documentation. 0: a plain one.
         optimizer: "adam" or "adagrad".
@@ -145,6 +149,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         hidden: Sequence[int] = (128, 64, 32),
         isometry: float = 20.0,
         metric: Literal["auto", "euclidean", "measured", "geodesic"] = "auto",
+        noise: float | None = None,
         beta: float = 0.0,
         optimizer: Literal["adam", "adagrad"] = "adam",
         learning_rate: float = 1e-2,
@@ -167,6 +172,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self.hidden = hidden
         self.isometry = isometry
         self.metric = metric
+        self.noise = noise
         self.beta = beta
         self.optimizer = optimizer
         self.learning_rate = learning_rate
@@ -328,9 +334,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         return {name: value for name, value in state.items() if name != "_use"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """What earlier versions wrote had a network by its kind, and no metric."""
+        """What earlier versions wrote had a network by its kind, no metric and no noise."""
         super().__setstate__(state)
-        for name, value in {"metric": "euclidean", "beta": 0.0}.items():
+        for name, value in {"metric": "euclidean", "beta": 0.0, "noise": 0.0}.items():
             if name not in state:
                 setattr(self, name, value)
         architecture = state.get("architecture_", {})
@@ -372,6 +378,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             split_above=whole("split_above", self.split_above, least=0),
             isometry=number("isometry", self.isometry),
             beta=number("beta", self.beta),
+            noise=0.0 if self.noise is None else number("noise", self.noise),
         )
 
     def _network(self, shape: tuple[int, ...], dtype: np.dtype) -> Network:
@@ -422,13 +429,16 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         kind = architecture.network
         data = self._data(x, rows, kind, scaling, rng)
         protocol = self._protocol()._replace(learning_rate=kind.rate * self.learning_rate)
+        if self.noise is None and self.network == "auto" and isinstance(kind, MLP):
+            protocol = protocol._replace(noise=_NOISE)
 
         def judged(trained: Trained) -> _Tried:
             return _Tried(trained.network, trained.diverged, *_quality(kind, trained.network, scaling, rows, data))
 
         tried = [judged(Trained(start, [], math.nan, False, False))] if goes_on else []
+        unexplained = max(0.0, 1 - tried[0].explained) if goes_on else 0.0
         while True:
-            trained = train(start, data, kind, protocol, rng, self._listener())
+            trained = train(start, data, kind, protocol, rng, self._listener(), unexplained)
             tried.append(judged(trained))
             if not tried[-1].failed:
                 return tried[-1], trained

@@ -4,6 +4,13 @@ The protocol is the paper's (Sec. "Dimensionality reduction algorithms"): severa
 and validation rows and each continuing the same weights; a repeat ends early when the validation error, averaged over a
 number of epochs, rises.
 
+**Noise.** An encoder of many weights and few rows learns by heart what its few dimensions cannot tell, and then misplaces what
+is unlike those rows. What it reads in training may therefore be blurred by noise, while the reconstruction is compared with the
+row itself: a denoising auto-encoder [1]. Here the noise of a repeat is as large as the share of the variance that the repeat
+before left unexplained: next to none for behaviours of two parameters in two dimensions, much for a robot of many joints.
+
+[1] P. Vincent et al., Extracting and composing robust features with denoising autoencoders, ICML 2008.
+
 Short rows lie in memory as a whole, scaled. The loop is compiled for few numbers of them, some thousands and each fourfold, not
 for each number: rows beyond the last are padding that no mini-batch draws. Python only looks in between, about twice a second,
 to show progress. Long ones, images, are read in parts of a few mini-batches from where they are stored, in their dtype, and
@@ -58,6 +65,7 @@ class Protocol(NamedTuple):
     split_above: int
     isometry: float
     beta: float = 0.0
+    noise: float = 0.0
 
 
 class Data(NamedTuple):
@@ -121,6 +129,7 @@ class _Rows(NamedTuple):
     x: Array  # (padded, features)
     targets: Array | None  # (padded, m)
     variance: Array
+    noise: Array | None  # (features,), of what is read: its standard deviation
     train: Array  # (padded,) rows to train on, the first n_train valid
     n_train: Array
     check: Array  # (padded,) rows to validate on
@@ -134,8 +143,9 @@ def train(
     protocol: Protocol,
     rng: np.random.Generator,
     listener: Callable[[Progress], Any] | None = None,
+    unexplained: float = 0.0,
 ) -> Trained:
-    """Train a network of this kind from these weights on.
+    """Train a network of this kind from these weights on, which leave this share of the variance unexplained; 0: not known.
 
     When an epoch gives a NaN or an infinity, training ends with the weights that were the best before. JAX chooses the device;
     where that is none of a processor and has not enough memory, the processor trains.
@@ -145,14 +155,14 @@ def train(
     """
     again = copy.deepcopy(rng)
     try:
-        return _trained(network, data, kind, protocol, rng, listener)
+        return _trained(network, data, kind, protocol, rng, listener, unexplained)
     except jax.errors.JaxRuntimeError as error:
         if "RESOURCE_EXHAUSTED" not in str(error) or jax.default_backend() == "cpu":
             raise
         short = f"the {jax.default_backend()} has not enough memory to train AutoEncoder on {len(data.x):,} observations"
     warnings.warn(f"{short}, so the processor does: it takes longer. A smaller batch_size may help", stacklevel=2)
     with jax.default_device(jax.devices("cpu")[0]):
-        return _trained(network, data, kind, protocol, again, listener)
+        return _trained(network, data, kind, protocol, again, listener, unexplained)
 
 
 def _trained(
@@ -162,8 +172,9 @@ def _trained(
     protocol: Protocol,
     rng: np.random.Generator,
     listener: Callable[[Progress], Any] | None,
+    unexplained: float,
 ) -> Trained:
-    steps = (_steps if data.scaler is None else _steps_in_parts)(network, data, kind, protocol, rng)
+    steps = (_steps if data.scaler is None else _steps_in_parts)(network, data, kind, protocol, rng, unexplained)
     while True:
         try:
             with uninterrupted():  # JAX can lose an interrupt that comes while it traces or compiles
@@ -175,7 +186,7 @@ def _trained(
 
 
 def _steps(
-    network: AutoEncoderNetwork, data: Data, kind: Network, protocol: Protocol, rng: np.random.Generator
+    network: AutoEncoderNetwork, data: Data, kind: Network, protocol: Protocol, rng: np.random.Generator, unexplained: float
 ) -> Generator[Progress, None, Trained]:
     """The training in pieces of about half a second; returns its result."""
     n = len(data.x)
@@ -193,6 +204,7 @@ def _steps(
             x,
             targets,
             jnp.float32(data.variance),
+            _noise(data, kind, protocol, unexplained),
             _padded(training, padded),
             jnp.asarray(len(training)),
             _padded(check, padded),
@@ -224,12 +236,30 @@ def _steps(
             yield Progress(repeat + 1, protocol.repeats, int(state.epoch), max_epochs, float(state.rmse), validated)
         epochs.append(int(state.epoch))
         rmse = float(state.best_rmse)
+        unexplained = _unexplained(rmse, data)
         weights, optimizer = state.best, state.optimizer
         diverged = not bool(state.finite)
         if diverged:
             break
     trained = jax.tree.map(np.asarray, weights)
     return Trained(eqx.combine(trained, structure), epochs, rmse, validated, diverged)
+
+
+def _noise(data: Data, kind: Network, protocol: Protocol, unexplained: float) -> Array | None:
+    """The standard deviation of the noise on each entry, (features,), when this share of the variance is unexplained; None: no
+    noise is wanted.
+    """
+    if not protocol.noise:
+        return None
+    sizes = np.array(kind.groups(math.prod(data.x.shape[1:])))
+    spread = np.repeat(np.sqrt(np.atleast_1d(data.variance) / sizes), sizes)
+    return jnp.asarray(protocol.noise * min(unexplained, 1.0) * spread, jnp.float32)
+
+
+def _unexplained(rmse: float, data: Data) -> float:
+    """The share of the variance of the rows."""
+    variance = float(np.sum(data.variance))
+    return rmse**2 * math.prod(data.x.shape[1:]) / variance if variance > 0 else 0.0
 
 
 def _sizes(n: int, features: int, batch_size: int | None) -> tuple[int, int]:
@@ -263,7 +293,13 @@ def _padded(rows: np.ndarray, n: int) -> Array:
 
 def _compiled_for(protocol: Protocol, size: int) -> Protocol:
     """Without what only changes how long the loop runs."""
-    return protocol._replace(batch_size=size, max_epochs=0, min_steps=0, repeats=0, validation=0, split_above=0)
+    some = float(protocol.noise > 0)
+    return protocol._replace(batch_size=size, max_epochs=0, min_steps=0, repeats=0, validation=0, split_above=0, noise=some)
+
+
+def _is_random(protocol: Protocol) -> bool:
+    """Whether a step is, beyond the choice of its rows."""
+    return protocol.beta > 0 or protocol.noise > 0
 
 
 class _Span(NamedTuple):
@@ -281,10 +317,11 @@ class _Batch(NamedTuple):
     targets: Array | None  # (size, m): see `Data`
     valid: Array  # (size,) bool: rows that count
     variance: Array
+    noise: Array | None  # as of `_Rows`
 
 
-class _Noise(NamedTuple):
-    """For a step of a variational network."""
+class _Chance(NamedTuple):
+    """For a step that is random."""
 
     key: Array
     done: Array  # share of the training
@@ -307,23 +344,26 @@ def _functions(structure: Any, kind: Network, protocol: Protocol) -> _Functions:
     optimizer = optax.chain(optax.clip_by_global_norm(protocol.clip), scale) if protocol.clip else scale
     optimizer = optax.flatten(optimizer)  # one pass over all weights, not some over each
 
-    def encoded(network: Any, batch: _Batch, noise: _Noise | None) -> tuple[Array, Array, Array | None]:
+    def encoded(network: Any, batch: _Batch, chance: _Chance | None) -> tuple[Array, Array, Array | None]:
         """Latent positions, what of them is decoded, and what is to be small of a variational network."""
+        x = batch.x
+        if batch.noise is not None and chance is not None:
+            x = x + batch.noise * jax.random.normal(jax.random.fold_in(chance.key, 1), x.shape)
         if not protocol.beta:
-            z = network.encode(batch.x)
+            z = network.encode(x)
             return z, z, None
-        mean, logarithm = network.posterior(batch.x)
+        mean, logarithm = network.posterior(x)
         cost = protocol.beta * divergence(mean, logarithm, batch.valid)
-        if noise is None:
+        if chance is None:
             return mean, mean, cost
-        drawn = mean + jnp.exp(logarithm / 2) * jax.random.normal(noise.key, mean.shape)
-        return mean, drawn, jnp.minimum(noise.done / _RISE, 1) * cost
+        drawn = mean + jnp.exp(logarithm / 2) * jax.random.normal(chance.key, mean.shape)
+        return mean, drawn, jnp.minimum(chance.done / _RISE, 1) * cost
 
-    def objective(weights: Any, batch: _Batch, noise: _Noise | None = None) -> tuple[Array, Array]:
-        """Of a mini-batch: the loss, and the sum of squared errors. Of a variational network without noise: of its means."""
+    def objective(weights: Any, batch: _Batch, chance: _Chance | None = None) -> tuple[Array, Array]:
+        """Of a mini-batch: the loss, and the sum of squared errors. Without chance: of what is read as it is, and of means."""
         network = eqx.combine(weights, structure)
-        x, targets, valid, variance = batch
-        z, drawn, cost = encoded(network, batch, noise)
+        x, targets, valid, variance, _ = batch
+        z, drawn, cost = encoded(network, batch, chance)
         decoded = network.decode(drawn)
         squares = jnp.where(valid, ((decoded - x) ** 2).sum(axis=1), 0).sum()
         loss = jnp.where(valid, kind.loss(x, decoded, variance), 0).sum() / valid.sum()
@@ -332,9 +372,9 @@ def _functions(structure: Any, kind: Network, protocol: Protocol) -> _Functions:
         return loss if cost is None else loss + cost, squares
 
     def step(weights: Any, slots: Any, done: Array, key: Array | None, batch: _Batch) -> tuple[Any, Any]:
-        """One of the optimiser, when this share of the training is done, with a key for the noise, if there is some."""
-        noise = None if key is None else _Noise(key, done)
-        gradient, _ = jax.grad(objective, has_aux=True)(weights, batch, noise)
+        """One of the optimiser, when this share of the training is done, with a key for what is random, if something is."""
+        chance = None if key is None else _Chance(key, done)
+        gradient, _ = jax.grad(objective, has_aux=True)(weights, batch, chance)
         update, slots = optimizer.update(gradient, slots, weights)
         rate = protocol.learning_rate * (_one_cycle(done, protocol.warmup) if protocol.decay == "cosine" else 1.0)
         return jax.tree.map(lambda w, u: w - rate * u, weights, update), slots
@@ -356,7 +396,7 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
     def batch(rows: _Rows, order: Array, n: Array, i: Array) -> _Batch:
         chosen = jax.lax.dynamic_slice(order, (i * size,), (size,))
         targets = None if rows.targets is None else rows.targets[chosen]
-        return _Batch(rows.x[chosen], targets, i * size + jnp.arange(size) < n, rows.variance)
+        return _Batch(rows.x[chosen], targets, i * size + jnp.arange(size) < n, rows.variance, rows.noise)
 
     def epoch(state: _State, rows: _Rows, span: _Span) -> _State:
         key, shuffle = jax.random.split(state.key)
@@ -365,8 +405,8 @@ def _compiled(structure: Any, kind: Network, protocol: Protocol) -> _Compiled:
 
         def step(i: Array, carried: tuple[Any, Any]) -> tuple[Any, Any]:
             done = span.start + span.share * (state.epoch + i / steps) / span.max_epochs
-            noise = jax.random.fold_in(shuffle, i) if protocol.beta else None
-            return one_step(*carried, done, noise, batch(rows, order, rows.n_train, i))
+            key = jax.random.fold_in(shuffle, i) if _is_random(protocol) else None
+            return one_step(*carried, done, key, batch(rows, order, rows.n_train, i))
 
         weights, slots = jax.lax.fori_loop(0, steps, step, (state.network, state.optimizer))
 
@@ -433,6 +473,7 @@ class _Part(NamedTuple):
     center: Array
     factor: Array
     variance: Array
+    noise: Array | None  # as of `_Rows`
 
 
 @cache
@@ -447,15 +488,15 @@ def _compiled_in_parts(structure: Any, kind: Network, protocol: Protocol) -> _In
 
         x = (rows(part.x).astype(jnp.float32) - part.center) * part.factor
         targets = None if part.targets is None else rows(part.targets)
-        return _Batch(x, targets, i * size + jnp.arange(size) < part.n, part.variance)
+        return _Batch(x, targets, i * size + jnp.arange(size) < part.n, part.variance, part.noise)
 
     @jax.jit
     def train(weights: Any, slots: Any, part: _Part, done: Array, gain: Array, key: Array | None) -> tuple[Any, Any]:
         """Steps on a part, the share `done` of the training being done before, and `gain` more with each."""
 
         def step(i: Array, carried: tuple[Any, Any]) -> tuple[Any, Any]:
-            noise = None if key is None else jax.random.fold_in(key, i)
-            return one_step(*carried, done + i * gain, noise, batch(part, i))
+            chance = None if key is None else jax.random.fold_in(key, i)
+            return one_step(*carried, done + i * gain, chance, batch(part, i))
 
         return jax.lax.fori_loop(0, (part.n + size - 1) // size, step, (weights, slots))
 
@@ -474,7 +515,7 @@ def _compiled_in_parts(structure: Any, kind: Network, protocol: Protocol) -> _In
 
 
 def _steps_in_parts(
-    network: AutoEncoderNetwork, data: Data, kind: Network, protocol: Protocol, rng: np.random.Generator
+    network: AutoEncoderNetwork, data: Data, kind: Network, protocol: Protocol, rng: np.random.Generator, unexplained: float
 ) -> Generator[Progress, None, Trained]:
     """As `_steps`, of rows that are read in parts."""
     n = len(data.x)
@@ -491,13 +532,14 @@ def _steps_in_parts(
         if kind.steps is not None:
             max_epochs = min(max_epochs, kind.steps // steps)
         best, best_error, errors = weights, np.inf, []
+        noise = _noise(data, kind, protocol, unexplained)
         while len(errors) < max_epochs and not diverged and not _has_risen(errors, protocol.patience):
             done, gain = (repeat + len(errors) / max_epochs) / protocol.repeats, 1 / (protocol.repeats * max_epochs * steps)
-            for first, part in _parts(data, rng.permutation(training)[:most], size):
-                key = jax.random.key(int(rng.integers(2**31))) if protocol.beta else None
+            for first, part in _parts(data, rng.permutation(training)[:most], size, noise):
+                key = jax.random.key(int(rng.integers(2**31))) if _is_random(protocol) else None
                 since = np.float32(done + gain * (first // size))
                 weights, slots = compiled.train(weights, slots, part, since, np.float32(gain), key)
-            sums = [compiled.check(weights, part) for _, part in _parts(data, check, size)]
+            sums = [compiled.check(weights, part) for _, part in _parts(data, check, size, noise)]
             error, squares = (float(sum(values)) / len(check) for values in zip(*sums, strict=True))
             errors.append(error)
             diverged = not np.isfinite(error)
@@ -507,14 +549,14 @@ def _steps_in_parts(
                 told = time.monotonic() + _REPORT
                 shown = float(np.sqrt(squares / data.x.shape[1]))
                 yield Progress(repeat + 1, protocol.repeats, len(errors), max_epochs, shown, validated)
-        weights = best
+        weights, unexplained = best, _unexplained(rmse, data)
         epochs.append(len(errors))
         if diverged:
             break
     return Trained(eqx.combine(jax.tree.map(np.asarray, weights), structure), epochs, rmse, validated, diverged)
 
 
-def _parts(data: Data, rows: np.ndarray, size: int) -> Iterator[tuple[int, _Part]]:
+def _parts(data: Data, rows: np.ndarray, size: int, noise: Array | None) -> Iterator[tuple[int, _Part]]:
     """The rows of these numbers in parts of a fixed number, and at which of them each begins."""
     assert data.scaler is not None
     center, factor = (jnp.asarray(values, jnp.float32) for values in (data.scaler.center, data.scaler.factor))
@@ -526,7 +568,7 @@ def _parts(data: Data, rows: np.ndarray, size: int) -> Iterator[tuple[int, _Part
         chosen = rows[first : first + length]
         x, targets = (None if of is None else _padded(of[chosen], length) for of in (data.x, data.targets))
         assert x is not None
-        yield first, _Part(x, targets, jnp.asarray(len(chosen)), center, factor, jnp.float32(data.variance))
+        yield first, _Part(x, targets, jnp.asarray(len(chosen)), center, factor, jnp.float32(data.variance), noise)
 
 
 def _has_risen(errors: list[float], patience: int) -> bool:
