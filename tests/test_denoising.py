@@ -62,7 +62,6 @@ def test_it_is_as_large_as_what_is_unexplained():
     [
         (MLP((8,)), 0.01),
         (networks.Convolutional(), 0),
-        (Image((4,), 8, steps=20), 0),
         (Image((4,), 8, steps=20), 0.01),
         (Recurrent(4, steps=20), 0),
     ],

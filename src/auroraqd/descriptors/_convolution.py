@@ -1,16 +1,15 @@
 """Convolution and pooling of `networks.Convolutional` in use: compiled loops over rows, which do as the layers of the same name
 in `auroraqd.descriptors.layers`.
 
-A batch is some hundred rows of a hundred numbers, described in each generation. Products of matrices, which training takes, do
-ten times the arithmetic there.
+A batch is some hundred rows of a hundred numbers, described in each generation. Products of matrices, by which training does
+it, would first copy what they read, and take up to twice as long.
 """
 
 import numpy as np
 
 from auroraqd._compiled import compiled
-from auroraqd.descriptors.layers import KERNEL, LEAK, Convolution, MaxPooling
+from auroraqd.descriptors.layers import BEFORE, KERNEL, LEAK, Convolution, MaxPooling
 
-_BEFORE = (KERNEL[0] - 1) // 2  # steps that a kernel reaches back; of channels none
 _STEPS = KERNEL[0]
 
 
@@ -58,7 +57,7 @@ def _convolve(x, kernel, bias, out):
         for m in range(maps_in):
             for s in range(steps):
                 for c in range(channels):
-                    padded[m, (s + _BEFORE) * width + c] = x[row, s, m, c]
+                    padded[m, (s + BEFORE) * width + c] = x[row, s, m, c]
         for o in range(out.shape[2]):
             total[:] = bias[o]
             for m in range(maps_in):

@@ -21,7 +21,7 @@ Array = Any  # of NumPy or of JAX
 KERNEL = (6, 2)  # steps, channels
 LEAK = 0.2  # slope of the rectifier below 0
 _BLOCK = KERNEL[0] - 1  # steps of a sequence that come out of a product: it reads these and as many more
-_BEFORE = (KERNEL[0] - 1) // 2  # steps that a kernel reaches back
+BEFORE = (KERNEL[0] - 1) // 2  # steps that a kernel reaches back; of channels none
 _MOST_OVERLAP = 2  # stride of kernels that overlap: those of larger ones would take most of the time
 
 
@@ -221,8 +221,8 @@ class Convolution(eqx.Module):
         weight = self._weight()
         read, given = weight.shape
         entries = (read - 1) // (2 * _BLOCK)  # of a step
-        after = (blocks + 1) * _BLOCK - _BEFORE - steps
-        x = jnp.pad(x, ((0, 0), (_BEFORE * entries, after * entries))).reshape(n, blocks + 1, _BLOCK * entries)
+        after = (blocks + 1) * _BLOCK - BEFORE - steps
+        x = jnp.pad(x, ((0, 0), (BEFORE * entries, after * entries))).reshape(n, blocks + 1, _BLOCK * entries)
         pairs = jnp.concatenate([x[:, :-1], x[:, 1:], jnp.ones((n, blocks, 1), x.dtype)], axis=2)
         block = pairs.reshape(n * blocks, read) @ weight
         block = block.reshape(n, blocks * given)[:, : steps * (given // _BLOCK)]

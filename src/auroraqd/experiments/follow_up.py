@@ -242,8 +242,7 @@ CLAIMS = (
         "10,000",
         "each median is within 10% of it",
         _sizes(_CONTROLLED, 0.1),
-        why="It goes up between updates and down at each, around the target: the end is before one. With curiosity it goes "
-        "the farthest (figure of the number stored).",
+        why="It goes up between updates and down at each, around the target: the end is before one.",
     ),
     Claim(
         "dimensions",

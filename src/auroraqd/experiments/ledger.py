@@ -22,8 +22,8 @@ from auroraqd.control.resolution import VAT
 from auroraqd.experiments.replication import Point, Result
 from auroraqd.experiments.settings import Genetic, Settings
 
-_SEEN = ("air-hockey-camera", "maze")  # tasks of images
 SETTINGS, RUNS, CURVES, FOLDERS = "settings.json", "runs.csv", "curves.csv", "runs"
+_SEEN = ("air-hockey-camera", "maze")  # tasks of images
 _MEASURES = "measures"  # the field whose entries are columns of their own
 _Row = TypeVar("_Row", Result, Point)
 
@@ -130,9 +130,8 @@ def _as_now(settings: Mapping[str, Any]) -> dict[str, Any]:
     network = earlier.get("parameters", {}).get("network")
     if network == "convolutional":  # which "auto" gives the metric it always had
         earlier["parameters"] = {"beta": 0.0, "metric": "auto", **earlier["parameters"]}
-    if network is not None and (
-        network != "auto" or earlier["task"].partition(":")[0] in _SEEN
-    ):  # which has no noise by default
+    named, sees = network not in (None, "auto"), earlier["task"].partition(":")[0] in _SEEN
+    if named or (network == "auto" and sees):  # which have no noise by default
         earlier["parameters"] = {"noise": None, **earlier["parameters"]}
     return earlier
 
