@@ -185,7 +185,14 @@ def test_a_task_that_fails_keeps_what_was_found(tmp_path, monkeypatch):
 
 def test_run_with_an_autoencoder(tmp_path):
     """Its training is shown, its weights come back, and the run can be repeated."""
-    options = ["--descriptor", "autoencoder:hidden=16x8,repeats=2,max_epochs=3,min_steps=200", "-n", 3, "--batch-size", 60]
+    options = [
+        "--descriptor",
+        "autoencoder:hidden=16x8,noise=3,repeats=2,max_epochs=3,min_steps=200",
+        "-n",
+        3,
+        "--batch-size",
+        60,
+    ]
     done = command("run", "ballistic", *options, "--out", tmp_path / "first")
     assert "RMSE" in done.stdout
     command("repeat", tmp_path / "first", "--out", tmp_path / "again", "--no-figures")
@@ -292,6 +299,8 @@ def test_an_interrupted_run_keeps_what_it_found(tmp_path, stop):
             ["run", "ballistic", "--descriptor", "autoencoder:size=2"],
             "descriptor 'autoencoder' has no option 'size'; its options",
         ),
+        (["run", "ballistic", "--descriptor", "autoencoder:noise=-1"], "noise must be a finite number, 0 or more, got -1"),
+        (["run", "ballistic", "--descriptor", "autoencoder:noise=much"], "noise must be a number, got 'much'"),
         (["run", "ballistic", "--descriptor", "autoencoder:hidden=big"], "hidden must be whole numbers like 64x32, got 'big'"),
         (
             ["run", "ballistic", "--descriptor", "autoencoder:isometry=-1"],

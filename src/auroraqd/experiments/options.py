@@ -82,7 +82,7 @@ def _written(kind: Any) -> type | None:
 
 
 def keyword_parameters(owner: str, kind: type, options: str) -> dict[str, Any]:
-    """Keyword parameters of a class from their text, each of the type of its default.
+    """Keyword parameters of a class from their text, each of the type of its default; a number where that is None.
 
     Raises:
         ValueError: no such name or option, or a value of another type.
@@ -92,7 +92,8 @@ def keyword_parameters(owner: str, kind: type, options: str) -> dict[str, Any]:
         for name, parameter in inspect.signature(kind).parameters.items()
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY and name not in ("random_state", "verbose")
     }
-    return {key: _value(f"{owner}: {key}", type(defaults[key]), value) for key, value in _options(owner, defaults, options)}
+    types = {name: float if default is None else type(default) for name, default in defaults.items()}
+    return {key: _value(f"{owner}: {key}", types[key], value) for key, value in _options(owner, defaults, options)}
 
 
 def _options(owner: str, known: Mapping[str, Any], text: str) -> list[tuple[str, str]]:
