@@ -541,7 +541,7 @@ def test_command_goes_on_and_further(tmp_path):
     command("run", "ballistic", *PLAIN, "-n", 60, "--no-figures", "--out", tmp_path / "alone")
     out = tmp_path / "extended"
     command("run", "ballistic", *PLAIN, "-n", 20, "--out", out)
-    assert "is at its end, generation 20 of 20: --generations with a larger number" in command("resume", out, code=1)
+    assert "is at its end, at generation 20 with 20 asked for: --generations with a larger number" in command("resume", out, code=1)
     assert "60 generations" in command("resume", out, "-n", 60, "--no-figures")
     assert without_times(out) == without_times(tmp_path / "alone")
     assert list((out / "figures").iterdir()) == []  # they showed generation 20
@@ -576,7 +576,7 @@ def test_command_goes_on_with_a_run_that_was_saved_from_python(tmp_path):
     auroraqd.save(make().run(auroraqd.tasks.Ballistic(), generations=3), out)
     auroraqd.save(make().run(auroraqd.tasks.Ballistic(), generations=6), alone)
     assert "at generation 3, and does not say how many there are to be: give --generations" in command("resume", out, code=1)
-    assert "is at its end, generation 3 of 2" in command("resume", out, "-n", 2, code=1)
+    assert "is at its end, at generation 3 with 2 asked for" in command("resume", out, "-n", 2, code=1)
     assert "has 8 genes now, and the run in" in command("resume", out, "-n", 6, "--task", "air-hockey", code=1)
     command("resume", out, "-n", 6, "--no-figures")
     assert without_times(out) == without_times(alone)

@@ -381,6 +381,7 @@ def test_a_task_with_a_parameter(tmp_path):
         ),
         ("air-hockey:mass=1", "task 'air-hockey' has no option 'mass'; its options are: restitution_threshold"),
         ("air-hockey:restitution_threshold=-1", "restitution_threshold must be a finite number, 0 or more, got -1"),
+        ("air-hockey:energy=true,energy=false", "task 'air-hockey' must have each option once, got 'energy' twice"),
         ("ballistic:wind=1", "task 'ballistic' has no option 'wind'; its options are: none"),
     ],
 )

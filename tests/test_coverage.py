@@ -66,6 +66,7 @@ def test_by_hand():
         (lambda: coverage([[np.nan]], 2), "points must be finite"),
         (lambda: coverage([[0.0]], (2, 2)), "bins must be a number, or 1, one for each dimension, got 2"),
         (lambda: coverage([[0.0]], 2.5), "bins must be "),
+        (lambda: coverage([[0.0]], "2"), "bins must be a whole number, 1 or more, got '2'"),
         (lambda: coverage([[0.0]], 0), "bins must be a whole number, 1 or more, got 0"),
         (lambda: coverage([[0.0]], 2, 1, 1), "low must be below high"),
         (lambda: qd_score([[0.0]], [1, 2], 2), r"fitness must have shape \(1,\), as there are points, got \(2,\)"),

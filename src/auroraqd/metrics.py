@@ -270,7 +270,7 @@ def grid_of(bins: int | Sequence[int], low: ArrayLike, high: ArrayLike, d: int) 
     Raises:
         ValueError: there is none of these bins and corners.
     """
-    several = list(bins) if isinstance(bins, Sequence | np.ndarray) else [bins] * d
+    several = list(bins) if isinstance(bins, Sequence | np.ndarray) and not isinstance(bins, str) else [bins] * d
     if len(several) != d:
         raise ValueError(f"bins must be a number, or {d}, one for each dimension, got {len(several)}")
     return GridArchive([whole("bins", count) for count in several], low=low, high=high)

@@ -331,7 +331,7 @@ def _check_goes_on(name: str, task: Any, aurora: "Aurora", folder: Path, generat
         raise UserError(f"task {name} has {task.n_genes} genes now, and the run in {folder} has {aurora.n_genes}")
     if aurora.generation >= generations:
         raise UserError(
-            f"{folder} is at its end, generation {aurora.generation} of {generations}: "
+            f"{folder} is at its end, at generation {aurora.generation} with {generations} asked for: "
             "--generations with a larger number goes on"
         )
 

@@ -54,7 +54,7 @@ def reproduce(
         Path | None, typer.Option(help="Where the results are, and more are added. [default: runs/reproduce-TASK]")
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="2 replications of 60 generations, auto-encoders and CVT made small: a minute each.")
+        bool, typer.Option("--quick", help="2 replications of 60 generations unless said, auto-encoders and CVT made small: a minute.")
     ] = False,
     config: ConfigOption = None,
 ) -> None:
@@ -79,7 +79,7 @@ def reproduce(
         if value is not None and value < 1:
             raise UserError(f"{name} must be 1 or more, got {value}")
     if quick:
-        replications, generations = min(replications or 2, 2), min(generations or 60, 60)
+        replications, generations = replications or 2, generations or 60
         console.print(
             f"quick: {replications} replications of {generations} generations; no conclusions can be drawn", highlight=False
         )

@@ -65,7 +65,8 @@ def built(name: str, kinds: Mapping[str, Any], text: str) -> Any:
     options = text.removeprefix(kind).removeprefix(":")
     types = {f.name: _written(f.type) for f in fields(kinds[kind]) if _written(f.type)}
     given = {
-        key: _value(f"{name} {kind!r}: {key}", types[key], value) for key, value in _options(f"{name} {kind!r}", types, options)
+        key: _value(f"{name} {kind!r}: {key}", types[key], value)
+        for key, value in _options(f"{name} {kind!r}", types, options).items()
     }
     needed = [f.name for f in fields(kinds[kind]) if f.default is MISSING and f.default_factory is MISSING]
     missing = [name for name in needed if name not in given]
@@ -93,18 +94,20 @@ def keyword_parameters(owner: str, kind: type, options: str) -> dict[str, Any]:
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY and name not in ("random_state", "verbose")
     }
     types = {name: float if default is None else type(default) for name, default in defaults.items()}
-    return {key: _value(f"{owner}: {key}", types[key], value) for key, value in _options(owner, defaults, options)}
+    return {key: _value(f"{owner}: {key}", types[key], value) for key, value in _options(owner, defaults, options).items()}
 
 
-def _options(owner: str, known: Mapping[str, Any], text: str) -> list[tuple[str, str]]:
+def _options(owner: str, known: Mapping[str, Any], text: str) -> dict[str, str]:
     """Keys and values of `key=value,key=value`."""
-    pairs = []
+    pairs: dict[str, str] = {}
     for option in filter(None, text.split(",")):
         key, _, value = option.partition("=")
         if key not in known:
             hint = ", written like hidden=64x32" if isinstance(known.get("hidden"), tuple) else ""
             raise ValueError(f"{owner} has no option {key!r}; its options are: {', '.join(known) or 'none'}{hint}")
-        pairs.append((key, value))
+        if key in pairs:
+            raise ValueError(f"{owner} must have each option once, got {key!r} twice")
+        pairs[key] = value
     return pairs
 
 
