@@ -1,6 +1,7 @@
 """How fast and how well auto-encoders learn descriptors.
 
-    python benchmarks/learned.py            # everything but the two below, about ten minutes
+    python benchmarks/learned.py            # everything but the three below, about ten minutes
+    python benchmarks/learned.py --noise    # runs of paper size with and without noise in training: a quarter of an hour
     python benchmarks/learned.py --paper    # one update by the paper's protocol beside the default one: half an hour
     python benchmarks/learned.py --ablations  # coverage by weight of the isometry and by length of training: an hour
     python benchmarks/learned.py --quick      # to see it work, also with these: seconds; no conclusions can be drawn
@@ -22,7 +23,7 @@ from sklearn.preprocessing import FunctionTransformer
 import auroraqd
 from auroraqd.descriptors import training as training_loop
 from auroraqd.descriptors.descriptor import Descriptor
-from auroraqd.metrics import klc, reconstruction_error
+from auroraqd.metrics import diversity, klc, reconstruction_error
 
 ROWS = 8_500
 BRIEF = {"network": "convolutional", "batch_size": 256, "learning_rate": 5e-3, "min_steps": 0}  # of the paper's variants here
@@ -119,15 +120,40 @@ def seconds_of(owner, name):
 
 
 def grown(options, seed, generations):
-    """Size, KLC, RMSE and seconds of one run."""
+    """Size, KLC, RMSE and seconds of one run on throws."""
     task = auroraqd.tasks.Ballistic()
     reference = auroraqd.Aurora(2, "hand-coded", seed=seed, variation=AS_THE_PAPER).run(task, generations=generations)
-    aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(2, **options), seed=seed, variation=AS_THE_PAPER)
+    archive, error, seconds = found(task, options, seed, generations)
+    return len(archive), klc(reference.archive.ground_truth, archive.ground_truth), error, seconds
+
+
+def pushed(options, seed, generations):
+    """Size, diversity, RMSE and seconds of one run on pucks."""
+    archive, error, seconds = found(auroraqd.tasks.AirHockey(), options, seed, generations)
+    return len(archive), diversity(archive.observation, bins=20), error, seconds
+
+
+def found(task, options, seed, generations):
+    """Repertoire, RMSE and seconds of one run."""
+    aurora = auroraqd.Aurora(task.n_genes, auroraqd.AutoEncoder(2, **options), seed=seed, variation=AS_THE_PAPER)
     since = time.perf_counter()
     aurora.run(task, generations=generations)
-    seconds = time.perf_counter() - since
-    score = klc(reference.archive.ground_truth, aurora.archive.ground_truth)
-    return len(aurora.archive), score, aurora.history.last.rmse, seconds
+    return aurora.archive, aurora.history.last.rmse, time.perf_counter() - since
+
+
+def noises(generations, seeds, training):
+    """What the noise of the default training does to runs of the two tasks of the paper."""
+    print(f"### AutoEncoder(2) with its noise and without, {generations:,} generations, {seeds} seeds\n")
+    print("| task | noise | stored | KLC; diversity, 20 x 20 | RMSE | seconds |\n|---|---|---|---|---|---|")
+    for task, run, score in (("ballistic", grown, "{:.4f}"), ("air hockey", pushed, "{:.1f}")):
+        for name, options in (("the default", {}), ("0", {"noise": 0.0})):
+            rows = [run({**options, **training}, seed, generations) for seed in range(seeds)]
+            print(f"| {task} | {name} | {' | '.join(columns(rows, '{:,}', score, '{:.4f}', '{:.0f}'))} |", flush=True)
+
+
+def columns(rows, *forms):
+    """Of each number of some rows, all of them in one cell of a table."""
+    return [", ".join(form.format(row[i]) for row in rows) for i, form in enumerate(forms)]
 
 
 def ablations(generations, seeds, training, most):
@@ -140,8 +166,7 @@ def ablations(generations, seeds, training, most):
     cases += [(weight, "brief, weights anew at each update", {**brief, "warm_start": False}) for weight in (0.0, 20.0)]
     for weight, name, options in cases[:most]:
         rows = [grown({**options, **training, "isometry": weight}, seed, generations) for seed in range(seeds)]
-        cells = [", ".join(form.format(row[i]) for row in rows) for i, form in enumerate(("{:,}", "{:.4f}", "{:.4f}"))]
-        print(f"| {weight:g} | {name} | {' | '.join(cells)} |", flush=True)
+        print(f"| {weight:g} | {name} | {' | '.join(columns(rows, '{:,}', '{:.4f}', '{:.4f}'))} |", flush=True)
     pretrained(generations, seeds, training, most)
 
 
@@ -192,6 +217,7 @@ def paper(quick):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--noise", action="store_true")
     parser.add_argument("--paper", action="store_true")
     parser.add_argument("--ablations", action="store_true")
     parser.add_argument(
@@ -202,5 +228,7 @@ if __name__ == "__main__":
         paper(chosen.quick)
     if chosen.ablations:
         ablations(*((10, 1, HARDLY, 1) if chosen.quick else (1500, 2, {}, None)))
-    if not (chosen.paper or chosen.ablations):
+    if chosen.noise:
+        noises(*((10, 1, HARDLY) if chosen.quick else (5000, 2, {})))
+    if not (chosen.paper or chosen.ablations or chosen.noise):
         main(chosen.quick)
