@@ -541,7 +541,9 @@ def test_command_goes_on_and_further(tmp_path):
     command("run", "ballistic", *PLAIN, "-n", 60, "--no-figures", "--out", tmp_path / "alone")
     out = tmp_path / "extended"
     command("run", "ballistic", *PLAIN, "-n", 20, "--out", out)
-    assert "is at its end, at generation 20 with 20 asked for: --generations with a larger number" in command("resume", out, code=1)
+    assert "is at its end, at generation 20 with 20 asked for: --generations with a larger number" in command(
+        "resume", out, code=1
+    )
     assert "60 generations" in command("resume", out, "-n", 60, "--no-figures")
     assert without_times(out) == without_times(tmp_path / "alone")
     assert list((out / "figures").iterdir()) == []  # they showed generation 20

@@ -126,8 +126,49 @@ def test_another_network_or_weights_join_the_streams():
     one = auroraqd.AutoEncoder(2, network="mlp", **options).fit(x)
     assert one.network_ == MLP((16,))
     assert one.transform(x).shape == (100, 2)
-    weighted = auroraqd.Streams(auroraqd.AutoEncoder(2, **options), weights={"camera": 0.5}).fit(x)
+    weighted = auroraqd.Streams(auroraqd.AutoEncoder(2, network="mlp", **options), weights={"camera": 0.5}).fit(x)
     assert isinstance(weighted.fitted_[""].network_, MLP)
+
+
+def test_weights_count_in_the_network(tmp_path):
+    """Distances by them, errors by their squares; it is learned, saved, and goes on."""
+    fused = Fused.of(seen(2)[1].dtype)
+    weighed = fused.weighed({"contact": 0.1})
+    assert repr(weighed).endswith("joints=MLP(), weights=(1.0, 0.1, 1.0))")
+    _, x = seen(50)
+    alike, less = (network.measured(x, network.scaling(x)) for network in (fused, weighed))
+    contact = alike.shape[1] - 60 - 1
+    assert_allclose(less[:, contact], 0.1 * alike[:, contact], rtol=1e-6)
+    assert_array_equal(np.delete(less, contact, axis=1), np.delete(alike, contact, axis=1))
+    rows = np.zeros((1, sum(fused.groups(0))))
+    wrong = rows.copy()
+    wrong[0, 16 * 16 * 3] = 1  # the contact
+    errors = [float(network.loss(rows, wrong, np.ones(3))[0]) for network in (fused, weighed)]
+    assert_allclose(errors[1] / errors[0], 0.01 * 3 / 2.01, rtol=1e-6)
+
+    descriptor = auroraqd.Streams(auroraqd.AutoEncoder(2, **SHORT), weights={"contact": 0.1})
+    aurora = auroraqd.Aurora(2, descriptor, seed=0, batch_size=40, schedule=auroraqd.Every(2)).run(robot, generations=3)
+    again = auroraqd.resume(auroraqd.save(aurora, tmp_path))
+    for run in (aurora, again):
+        run.run(robot, generations=2)
+        fitted = run.descriptor.transformer.fitted_[""]
+        assert fitted.network_ == weighed
+        assert fitted.n_fits_ == 3  # at generations 0, 2, 4: the weights went on
+    assert_array_equal(again.archive.descriptor, aurora.archive.descriptor)
+
+
+def test_one_stream_is_enough():
+    """Of a mapping, and by its own."""
+    for descriptor in (auroraqd.AutoEncoder(2, **SHORT), auroraqd.Streams(auroraqd.AutoEncoder(2, **SHORT))):
+        aurora = auroraqd.Aurora(2, descriptor, seed=0, batch_size=40)
+        aurora.run(lambda genotypes: {"joints": np.repeat(genotypes[:, None], 10, axis=1)}, generations=2)
+        assert len(aurora.archive) > 20
+
+
+def test_parameters_of_what_is_fitted_can_be_set():
+    descriptor = auroraqd.Streams(joints=auroraqd.AutoEncoder(2, **SHORT), camera=None, contact=None).fit(seen(20)[1])
+    descriptor.set_params(joints__repeats=2).fit(seen(20)[1])
+    assert len(descriptor.fitted_["joints"].epochs_) == 2
 
 
 @pytest.mark.parametrize(
@@ -138,6 +179,9 @@ def test_another_network_or_weights_join_the_streams():
         (Fused((("a", (4,), MLP()),), width=0), "width must be a whole number, from 1 to 1000000, got 0"),
         (Fused((("a", (4,), MLP()),), steps=0), "steps must be a whole number, 1 or more, got 0"),
         (Fused(()), "parts must be of one stream at least, got none"),
+        (Fused((("a", (4,), MLP()),), weights=(1.0, 2.0)), r"weights must be 1 numbers above 0, .* got \(1.0, 2.0\)"),
+        (Fused((("a", (4,), MLP()),), weights=(0.0,)), r"weights must be 1 numbers above 0, .* got \(0.0,\)"),
+        ("image", r"from 16 to 128 .*, got \(n, 829\), of the streams camera, contact, joints joined: network 'auto' takes"),
     ],
 )
 def test_bad_networks(network, message):

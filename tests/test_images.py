@@ -1,6 +1,7 @@
 """Auto-encoders of images, and distances along the manifold of what is seen."""
 
 import warnings
+from contextlib import nullcontext
 
 import naive
 import numpy as np
@@ -100,6 +101,26 @@ def test_images_of_any_size_go_through(size):
 )
 def test_auto_chooses_by_shape_and_dtype(shape, dtype, wanted):
     assert networks.chosen(shape, np.dtype(dtype), (9,)) == wanted
+
+
+@pytest.mark.parametrize("network", ["auto", "mlp"])
+@pytest.mark.parametrize(
+    ("x", "said"),
+    [
+        (
+            np.zeros((5, 140, 20), np.uint8),
+            r"observations of shape \(n, 140, 20\) look like images, .* at most 128 pixels a side",
+        ),
+        ({"eye": np.zeros((5, 20, 140, 3), np.uint8), "a": np.zeros((5, 2))}, r"of shape \(n, 20, 140, 3\) look like images"),
+        (np.zeros((5, 140, 4), np.uint8), None),
+        (np.zeros((5, 140, 20)), None),
+        (np.zeros((5, 12, 12, 3), np.uint8), None),
+    ],
+)
+def test_images_that_are_too_large_are_said_to_be(x, said, network):
+    encoder = auroraqd.AutoEncoder(1, network=network, hidden=(2,), repeats=1, max_epochs=1, min_steps=1)
+    with nullcontext() if said is None or network == "mlp" else pytest.warns(UserWarning, match=said):
+        encoder.fit(x)
 
 
 def test_what_was_chosen_is_said(fitted):

@@ -169,8 +169,9 @@ def test_the_repertoire(tmp_path):
     ("wanted", "message"),
     [
         (np.zeros(3), r"observation must be a mapping of some of camera, joints, path to arrays, got"),
-        ({}, r"observation must be a mapping of some of camera, joints, path to arrays, got \{\}"),
-        ({"smell": 1}, r"observation must be a mapping of some of camera, joints, path to arrays, got"),
+        (np.zeros(2), r"got array\(\[0., 0.\]\). It may be a ground truth: refine comes close to those"),
+        ({}, r"observation must be a mapping of some of camera, joints, path to arrays, got none"),
+        ({"smell": 1}, r"observation must be a mapping of some of camera, joints, path to arrays, got smell"),
         ({"path": np.zeros(3)}, r"observation path must have shape \(5, 2\), as those of the repertoire, got \(3,\)"),
         ({"path": np.full((5, 2), np.nan)}, "observation must have finite entries, or NaN for what does not matter"),
         ({"path": np.full((5, 2), np.inf)}, "observation path must have finite entries"),
@@ -418,6 +419,10 @@ def test_wrong_streams(make, message):
             "streams that are observed, .*, got smell",
         ),
         (lambda: auroraqd.Streams(PCA(2), weights={"smell": 2}), "streams that are observed, camera, joints, path, got smell"),
+        (
+            lambda: auroraqd.Streams(joints=PCA(2), path=PCA(11), camera=None),
+            "path: PCA could not be fitted .* n_components=11",
+        ),
     ],
 )
 def test_streams_that_are_not_those_observed(streams, message):

@@ -1,15 +1,19 @@
 """What looked right and was not."""
 
 import copy
+import io
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from rich.console import Console
 from sklearn.decomposition import PCA
 
 import auroraqd
 from auroraqd.archives.base import NEW, REPLACED, Placement
+from auroraqd.callbacks.progress import RunProgress
 from auroraqd.cli.show import _duration
+from auroraqd.descriptors.training import Progress as Training
 from auroraqd.runs import state
 
 
@@ -176,6 +180,17 @@ def test_progress_is_shown_on_standard_error(capsys):
     assert shown.out == ""
     assert [" ".join(line.split()[:2]) for line in shown.err.splitlines()] == ["generation 3/3", "generation 3/3"]
     made().run(robot, seconds=0.01, progress=True)
+
+
+def test_a_training_is_shown_with_the_generation_that_it_follows():
+    console = Console(file=io.StringIO())
+    aurora = made()
+    progress = RunProgress(console, 9, aurora.evaluations, aurora.generation)
+    with progress:
+        aurora.run(robot, generations=3, callback=progress)
+        progress._next = 0.0
+        progress.training(Training(2, 5, 1, 12, 0.25, True))
+    assert console.file.getvalue() == "generation 3/9  training 2/5, error 0.2500\n"
 
 
 def test_a_class_of_transformers_is_none():

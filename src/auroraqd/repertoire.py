@@ -267,13 +267,19 @@ class Repertoire(Individuals):
                 by their names.
             k: how many.
 
+        An outcome in ground truth is one for `refine`, or for the repertoire of `auroraqd.deploy`.
+
         Raises:
             ValueError: wrong shape, an infinity, nothing but NaN, or k larger than the repertoire, which must not be empty; or
                 the transformer is of a type that is not trusted, see `auroraqd.load`.
         """
         self._check_any("reach")
         whole("k", k, most=len(self))
-        goal = self._goals("observation", "observation", observation)[0]
+        try:
+            goal = self._goals("observation", "observation", observation)[0]
+        except ValueError as error:
+            truth = self.ground_truth is not None and np.shape(observation) == self.ground_truth.shape[1:]  # pyright: ignore
+            raise ValueError(f"{error}{'. It may be a ground truth: refine comes close to those' * truth}") from None
         distance = np.linalg.norm(self._rulers["observation"].apart(self.observation, goal), axis=1)
         rows = np.argsort(distance, kind="stable")[:k]
         descriptor = self._descriptor
@@ -404,7 +410,8 @@ class Repertoire(Individuals):
         wanted = {called: goals} if whole else goals
         names = {called: column} if whole else streams
         if not isinstance(wanted, Mapping) or not wanted or set(wanted) - set(names):
-            raise ValueError(f"{called} must be a mapping of some of {', '.join(streams)} to arrays, got {shown(goals)}")
+            given = ", ".join(map(str, goals)) or "none" if isinstance(goals, Mapping) else shown(goals)
+            raise ValueError(f"{called} must be a mapping of some of {', '.join(streams)} to arrays, got {given}")
         parts: dict[str, np.ndarray] = {}
         for name, values in wanted.items():
             full = name if whole else f"{called} {name}"

@@ -24,17 +24,17 @@ class RunProgress:
     Args:
         console: where to show it.
         generations: generations at the end of the run; None where it is not known.
-        evaluations: done before.
+        evaluations, generation: done before.
     """
 
-    def __init__(self, console: Console, generations: int | None, evaluations: int = 0):
+    def __init__(self, console: Console, generations: int | None, evaluations: int = 0, generation: int = 0):
         self._console = console
         self._generations = generations
         self._evaluations = evaluations
         self._bar: Progress | None = None
         self._gap = _REDRAW if console.is_terminal else _LOG
         self._next = 0.0
-        self._generation = 0
+        self._generation = generation
 
     def __enter__(self) -> "RunProgress":
         if self._console.is_terminal:
@@ -58,6 +58,7 @@ class RunProgress:
 
     def __call__(self, aurora: "Aurora") -> None:
         """Show the state of a run, if it is time to, or if the run is at its end."""
+        self._generation = aurora.generation
         now = time.monotonic()
         if now < self._next and aurora.generation != self._generations:
             return
@@ -67,22 +68,21 @@ class RunProgress:
         assert record is not None  # a generation has just been recorded
         l = "" if record.l != record.l else f", l {record.l:.3g}"
         state = f"{record.size:,} stored{l}, {record.new + record.replaced:,} added, {speed:,.0f}/s"
-        self._show(aurora.generation, state)
+        self._show(state)
 
     def training(self, progress: "Training") -> None:
         """Show the state of a training, if it is time to."""
         now = time.monotonic()
         if now >= self._next:
             self._next = now + self._gap
-            self._show(self._generation, f"training {progress.repeat}/{progress.repeats}, error {progress.error:.4f}")
+            self._show(f"training {progress.repeat}/{progress.repeats}, error {progress.error:.4f}")
 
-    def _show(self, generation: int, state: str) -> None:
-        self._generation = generation
+    def _show(self, state: str) -> None:
         if self._bar is not None:
-            self._bar.update(self._task, completed=generation, state=state)
+            self._bar.update(self._task, completed=self._generation, state=state)
         else:
             of = "" if self._generations is None else f"/{self._generations}"
-            self._console.print(f"generation {generation}{of}  {state}", highlight=False, soft_wrap=True)
+            self._console.print(f"generation {self._generation}{of}  {state}", highlight=False, soft_wrap=True)
 
 
 @contextmanager
@@ -93,7 +93,7 @@ def shown(aurora: "Aurora", generations: int | None) -> Iterator[RunProgress]:
         aurora: the run.
         generations: at its end; None where it is not known.
     """
-    progress = RunProgress(Console(stderr=True), generations, aurora.evaluations)
+    progress = RunProgress(Console(stderr=True), generations, aurora.evaluations, aurora.generation)
     with progress, training_told(aurora.descriptor.transformer, progress):
         yield progress
 

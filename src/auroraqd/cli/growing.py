@@ -85,7 +85,7 @@ def grow(
             with ExitStack() as said, compiling(lambda: said.enter_context(busy(slow, log=True))):
                 if plan.settings is not None:
                     compile_kernels(plan.settings)
-            progress = RunProgress(console, plan.generations, aurora.evaluations)
+            progress = RunProgress(console, plan.generations, aurora.evaluations, aurora.generation)
             workers = nullcontext(task) if spread_over is None else spread_over(task)
             with progress, training_told(aurora.descriptor.transformer, progress), workers as spread:
                 callbacks = (progress, checkpoints, *logs)

@@ -54,7 +54,10 @@ def reproduce(
         Path | None, typer.Option(help="Where the results are, and more are added. [default: runs/reproduce-TASK]")
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="2 replications of 60 generations unless said, auto-encoders and CVT made small: a minute.")
+        bool,
+        typer.Option(
+            "--quick", help="2 replications of 60 generations unless said, auto-encoders and CVT made small: a minute."
+        ),
     ] = False,
     config: ConfigOption = None,
 ) -> None:

@@ -171,7 +171,9 @@ def report(folder: Path, figures: bool) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    shown = _what_ran(folders.load_config(folder)), _networks(repertoire), _sizes(repertoire), _results(repertoire, records)
+    config = folders.load_config(folder)
+    results = _results(repertoire, records, config.get("schedule"))
+    shown = _what_ran(config), _networks(repertoire), _sizes(repertoire), results
     for name, value in chain.from_iterable(shown):
         table.add_row(name, value)
     for index, path in enumerate(files):
@@ -212,7 +214,7 @@ _LATEST = 20  # generations, for the error on individuals that are new
 _GENERALISES = 1.5  # times the error of what is stored, that the error on others may be
 
 
-def _results(repertoire: Any, records: Sequence[Any]) -> list[tuple[str, str]]:
+def _results(repertoire: Any, records: Sequence[Any], schedule: Any) -> list[tuple[str, str]]:
     from auroraqd.observations import shapes_of
 
     shapes = f"genotype {repertoire.genotype.shape[1:]}, observation {shapes_of(repertoire.observation)}"
@@ -223,7 +225,7 @@ def _results(repertoire: Any, records: Sequence[Any]) -> list[tuple[str, str]]:
     counts = ", ".join(f"{getattr(last, name):,} {name}" for name in ("new", "replaced", "rejected", "invalid"))
     rows += [("evaluations", f"{last.evaluations:,} in {last.generation:,} generations: {counts}")]
     rows += [("l", f"{last.l:.6g}")] if last.l == last.l else []
-    rows += _errors(records)
+    rows += _errors(records, schedule)
     if last.max_fitness > last.mean_fitness:
         rows += [("fitness", f"mean {last.mean_fitness:.6g}, highest {last.max_fitness:.6g}")]
     if last.refused:
@@ -241,7 +243,27 @@ def _sizes(repertoire: Any) -> list[tuple[str, str]]:
         return []
     shares = repertoire.explained()
     hold = ", ".join(f"{share:.0%}: {int((shares < share).sum()) + 1}" for share in _SHARES)
-    return [("dimensions", f"principal components that hold so much of the variance of what was observed: {hold}")]
+    seen = "; more than it takes, for it sees images" if _sees(repertoire.observation) else ""
+    return [("dimensions", f"principal components that hold so much of the variance of what was observed: {hold}{seen}")]
+
+
+def _sees(observation: Any) -> bool:
+    """Whether a stream of observations is of images, of which pixels are many and what moves little."""
+    from auroraqd.descriptors.networks import Image, chosen
+    from auroraqd.observations import streams_of
+
+    return any(isinstance(chosen(stream.shape[1:], stream.dtype, ()), Image) for stream in streams_of(observation).values())
+
+
+def _last_update(first: int, last: int, schedule: Any) -> int:
+    """The last of these numbers of generations after which an update was due; 0 for none, or a schedule that is not ours."""
+    from auroraqd.runs.parts import made
+
+    try:
+        due = made("schedule", schedule, ())
+    except ValueError:
+        return 0
+    return next((generation for generation in reversed(range(first, last)) if due(generation)), 0)
 
 
 def _duration(seconds: float) -> str:
@@ -250,10 +272,11 @@ def _duration(seconds: float) -> str:
     return f"{factor * seconds:.2f} {unit}"
 
 
-def _errors(records: Sequence[Any]) -> list[tuple[str, str]]:
-    """How well the descriptor reconstructs what it knows, and what it does not know."""
-    stored, new = records[-1].rmse, [record.rmse_new for record in records[-_LATEST:]]
-    new = [value for value in new if value == value]
+def _errors(records: Sequence[Any], schedule: Any) -> list[tuple[str, str]]:
+    """How well the descriptor reconstructs what it knows, and what it does not know, since it was last due to learn anew."""
+    latest = records[-_LATEST:]
+    stored, fitted = latest[-1].rmse, _last_update(latest[0].generation, latest[-1].generation, schedule)
+    new = [record.rmse_new for record in latest if record.generation > fitted and record.rmse_new == record.rmse_new]
     if stored != stored:
         return []
     rows = [("RMSE", f"{stored:.4f} (reconstruction of what is stored, observations scaled to [-1, 1])")]

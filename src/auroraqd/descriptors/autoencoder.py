@@ -32,15 +32,16 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.exceptions import NotFittedError
 
 from auroraqd._checks import MOST_SEED, flag, number, numbers, numeric, one_of, rows_of, shown, whole
 from auroraqd._interrupts import uninterrupted
 from auroraqd.descriptors import distances, networks
+from auroraqd.descriptors.descriptor import Mismatch
 from auroraqd.descriptors.networks import MLP, Convolutional, Fused, Network
 from auroraqd.descriptors.scaling import Scaler, Scaling
-from auroraqd.observations import FlatRows, finite_rows, flat, has_streams, observations
+from auroraqd.observations import FlatRows, finite_rows, flat, has_streams, observations, streams_of
 
 if TYPE_CHECKING:
     from auroraqd.descriptors.inference import InUse
@@ -102,7 +103,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             `auroraqd.descriptors.distances`. "auto": geodesic for images, measured for "recurrent", otherwise euclidean.
         noise: on what the encoder reads in training, against overfitting: its standard deviation, in the spread of the
             observations, times the share of their variance that is not explained; see `auroraqd.descriptors.training`. A new
-            network has none in its first repeat. None: with `network="auto"`, 6 where that chooses "mlp"; otherwise 0, none.
+            network has none in its first repeat. None: with `network="auto"`, 6 where that chooses "mlp"; otherwise 0, none,
+            streams among them.
         beta: weight of the divergence from a unit normal, in nats, against the same: a variational auto-encoder, see the
             module's documentation. 0: a plain one.
         optimizer: "adam" or "adagrad".
@@ -231,12 +233,23 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         """
         return self._network(shape, dtype).raw
 
+    def weighed(self, dtype: np.dtype, weights: Mapping[str, float]) -> AutoEncoder | None:
+        """The same, with weights of streams, by their names, in its network; None where that does not fuse streams.
+
+        `Streams` asks for it.
+        """
+        kind = self._network((), dtype)
+        return clone(self).set_params(network=kind.weighed(weights)) if isinstance(kind, Fused) else None
+
     def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
 
         Raises:
-            ValueError: a parameter is out of range, or `x` is empty, has a NaN or an infinity, or a shape that the network does
-                not take. The estimator stays as it was.
+            Mismatch: a ValueError: the network does not take observations of this shape, or they have fewer entries than there
+                are components.
+            ValueError: a parameter is out of range, or `x` is empty, or has a NaN or an infinity.
+
+        Whatever is raised, the estimator stays as it was.
         """
         with uninterrupted():  # half an import would be the end of JAX in this process
             from auroraqd.descriptors import training  # noqa: F401
@@ -244,16 +257,10 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         self.check_parameters()
         x, rows = _read(x)
         kind = self._network(rows.shape[1:], x.dtype)
-        if isinstance(kind, Fused):
-            kind.check_streams(x)
-        elif has_streams(x):
+        self._check_fits(kind, x, rows.shape[1:])
+        if has_streams(x) and not isinstance(kind, Fused):
             x = rows = flat(x)
         shape = rows.shape[1:]
-        if self.n_components > math.prod(shape):
-            raise ValueError(
-                f"n_components must be at most {math.prod(shape)}, the entries of an observation, got {self.n_components}"
-            )
-        kind.check_shape(shape)
         architecture = _Architecture(kind, shape, int(self.n_components), self.beta > 0)
         goes_on = self.warm_start and self._architecture() == architecture
         fits = self.n_fits_ if goes_on else 0
@@ -396,6 +403,29 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         if self.network == "auto":
             return networks.chosen(shape, dtype, hidden)
         return MLP(tuple(hidden)) if self.network == "mlp" else networks.NAMED[self.network]()
+
+    def _check_fits(self, kind: Network, x: np.ndarray, shape: tuple[int, ...]) -> None:
+        """Raise Mismatch where a network does not take observations, (n, ...), or streams, (n,), whose rows have this shape."""
+        if self.n_components > math.prod(shape):
+            raise Mismatch(
+                f"n_components must be at most {math.prod(shape)}, the entries of an observation, got {self.n_components}"
+            )
+        try:
+            if isinstance(kind, Fused):
+                kind.check_streams(x)
+            kind.check_shape(shape)
+        except ValueError as error:
+            streams = (
+                f", of the streams {', '.join(streams_of(x))} joined: network 'auto' takes streams" if has_streams(x) else ""
+            )
+            raise Mismatch(f"{error}{streams}") from None
+        large = [s.shape[1:] for s in streams_of(x[:0]).values() if networks.is_large_image(s.shape[1:], s.dtype)]
+        if large and self.network == "auto":
+            warnings.warn(
+                f"observations of shape {rows_of(large[0])} look like images, but convolutions take at most {networks.LARGEST} "
+                "pixels a side: dense layers learn them, worse and more slowly. Make them smaller",
+                stacklevel=3,
+            )
 
     def _architecture(self) -> _Architecture | None:
         """What was fitted, whatever has become of the parameters; None before."""

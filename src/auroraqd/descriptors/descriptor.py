@@ -178,8 +178,10 @@ class Descriptor:
             raise
         except Exception as error:
             check_interrupt(error)
-            name = type(transformer).__name__
-            raise DescriptorError(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
+            name, n_components = type(transformer).__name__, getattr(transformer, "n_components", None)
+            beyond = isinstance(n_components, int) and n_components > math.prod(shape)  # more observations will not mend that
+            kind = Mismatch if beyond else DescriptorError
+            raise kind(f"{name} could not be fitted on observations of shape {x.shape}: {error}") from error
         if type(transformer).__module__.startswith("sklearn."):
             # A copy has each array in one piece, as a file has it. In pieces, products would be rounded in another way, and a
             # run that goes on from a file would take another course.

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 Array = Any  # of JAX
 MOST_WIDTH = 10**6  # of a layer
-_SMALLEST, _LARGEST, _MOST_CHANNELS = 16, 128, 16  # of images: pixels a side, and channels, a few frames among them
+_SMALLEST, LARGEST, _MOST_CHANNELS = 16, 128, 16  # of images: pixels a side, and channels, a few frames among them
+_MOST_COLOURS = 4
 _MOST_ENTRIES = 1000  # of a time series: its convolutions are products with square matrices of this size
 _LONG = 100  # steps of a time series for which a recurrent network is better
 _GRID = 16  # cells a side, at most, after the first layer for images
@@ -57,7 +58,10 @@ class Network(ABC):
         return None
 
     def check_shape(self, shape: tuple[int, ...]) -> None:
-        """Raise ValueError where observations of this shape, without the rows, are none that it takes."""
+        """Raise ValueError where observations of this shape, without the rows, are none that it takes.
+
+        Of streams, it is the shape of a row of all their entries.
+        """
         return None
 
     def scaling(self, observation: np.ndarray) -> Scaling:
@@ -206,7 +210,7 @@ class Image(Network):
         if not is_image(shape):
             raise ValueError(
                 f"network 'image' is for images, observations of shape (n, height, width) or (n, height, width, channels), "
-                f"from {_SMALLEST} to {_LARGEST} pixels a side and of at most {_MOST_CHANNELS} channels, got {rows_of(shape)}"
+                f"from {_SMALLEST} to {LARGEST} pixels a side and of at most {_MOST_CHANNELS} channels, got {rows_of(shape)}"
             )
 
     def scaling(self, observation: np.ndarray) -> Scaling:
@@ -294,6 +298,8 @@ class Fused(Network):
         hidden: width of the dense layers between.
         error: weight of the squared error.
         steps: the most steps of the optimiser in a repeat.
+        weights: how much distances along each stream count, in the order of `parts`; none: 1 each. Errors count by their
+            squares.
 
     Examples:
         >>> import numpy as np
@@ -307,6 +313,7 @@ class Fused(Network):
     hidden: int = 64
     error: float = 20.0
     steps: int = 200  # pyright: ignore[reportIncompatibleMethodOverride]
+    weights: tuple[float, ...] = ()
     measures: ClassVar[bool] = True
 
     @classmethod
@@ -315,8 +322,13 @@ class Fused(Network):
         kinds = [(name, dtype[name].base, dtype[name].shape) for name in dtype.names or ()]
         return cls(tuple((name, shape or (1,), chosen(shape or (1,), base, hidden)) for name, base, shape in kinds))
 
+    def weighed(self, weights: Mapping[str, float]) -> Fused:
+        """The same, with weights of streams by their names, 1 where there is none."""
+        return replace(self, weights=tuple(float(weights.get(name, 1.0)) for name, _, _ in self.parts))
+
     def __repr__(self) -> str:
-        return f"Fused({', '.join(f'{name}={_briefly(network)}' for name, _, network in self.parts)})"
+        parts = [f"{name}={_briefly(network)}" for name, _, network in self.parts]
+        return f"Fused({', '.join([*parts, *([f'weights={self.weights}'] if self.weights else [])])})"
 
     @property
     def geodesic(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -339,6 +351,8 @@ class Fused(Network):
             whole(name, getattr(self, name), most=MOST_WIDTH)
         number("error", self.error)
         whole("steps", self.steps)
+        if self.weights and (len(self.weights) != len(self.parts) or not all(weight > 0 for weight in self.weights)):
+            raise ValueError(f"weights must be {len(self.parts)} numbers above 0, one for each stream, got {self.weights}")
 
     def check_streams(self, observation: np.ndarray) -> None:
         """Raise ValueError where observations, (n, ...) or (n,) of streams, are none that it takes."""
@@ -351,6 +365,10 @@ class Fused(Network):
     @property
     def _sizes(self) -> tuple[int, ...]:
         return tuple(math.prod(shape) for _, shape, _ in self.parts)
+
+    @property
+    def _counts(self) -> tuple[float, ...]:
+        return self.weights or (1.0,) * len(self.parts)
 
     def groups(self, features: int) -> tuple[int, ...]:
         """See `Network`."""
@@ -381,20 +399,21 @@ class Fused(Network):
 
     def loss(self, x: Array, reconstruction: Array, variance: Array) -> Array:
         """See the class."""
-        ends = np.cumsum(self._sizes).tolist()
+        ends, variances = np.cumsum(self._sizes).tolist(), variance.reshape(-1)  # of one stream it is a number
+        squares = [count**2 for count in self._counts]
         shares = [
-            _share(x[:, end - size : end], reconstruction[:, end - size : end], variance[i])
+            squares[i] * _share(x[:, end - size : end], reconstruction[:, end - size : end], variances[i])
             for i, (size, end) in enumerate(zip(self._sizes, ends, strict=True))
         ]
-        return self.error * sum(shares) / len(shares)
+        return self.error * sum(shares) / sum(squares)
 
     def measured(self, observation: np.ndarray, scaling: Scaling) -> np.ndarray:
-        """What the network of each stream measures, over its spread."""
+        """What the network of each stream measures, over its spread, times its weight."""
         found = []
-        for network, rows in self._rows(observation):
+        for (network, rows), count in zip(self._rows(observation), self._counts, strict=True):
             part = network.measured(rows, network.scaling(rows))
             spread = np.sqrt(part.var(axis=0, dtype=np.float64).sum())
-            found.append(part / np.float32(spread) if spread > 0 else part)
+            found.append(np.float32(count) * (part / np.float32(spread) if spread > 0 else part))
         return np.concatenate(found, axis=1)
 
 
@@ -428,8 +447,14 @@ def chosen(shape: tuple[int, ...], dtype: np.dtype, hidden: Sequence[int]) -> Ne
 
 def is_image(shape: tuple[int, ...]) -> bool:
     """Whether observations of this shape can be images."""
-    sides = all(_SMALLEST <= side <= _LARGEST for side in shape[:2])
+    sides = all(_SMALLEST <= side <= LARGEST for side in shape[:2])
     return len(shape) in (2, 3) and sides and _with_channels(shape)[2] <= _MOST_CHANNELS
+
+
+def is_large_image(shape: tuple[int, ...], dtype: np.dtype) -> bool:
+    """Whether observations of this shape and dtype look like images, but have more pixels a side than `Image` takes."""
+    colours = len(shape) == 2 or (len(shape) == 3 and shape[2] <= _MOST_COLOURS)
+    return dtype == np.uint8 and colours and min(shape[:2]) >= _SMALLEST and max(shape[:2]) > LARGEST
 
 
 def _check_sequence(name: str, shape: tuple[int, ...]) -> None:

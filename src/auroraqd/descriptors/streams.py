@@ -53,7 +53,7 @@ class Streams:
 
     Args:
         together: a transformer that gets all streams, as one that is given to `Aurora` by itself: scaled, flattened and joined.
-            An `AutoEncoder` gets them as they are, unless there are weights.
+            An `AutoEncoder` gets them as they are, and the weights in its network.
         weights: of streams by their names, above 0 and 1 where there is none: how much distances along each count.
         each: instead, a transformer for each stream, by its name; None leaves it out. See the module docstring.
 
@@ -129,11 +129,13 @@ class Streams:
         return {f"{name}__{key}": v for name, t in transformers.items() for key, v in t.get_params().items()}  # pyright: ignore
 
     def set_params(self, **parameters: Any) -> Streams:
-        """Set some of `get_params`."""
+        """Set some of `get_params`, of what is fitted too."""
         for name, value in parameters.items():
             which, _, parameter = name.partition("__")
-            found: Any = self._transformers["" if which == "together" else which]
-            found.set_params(**{parameter: value})
+            which = "" if which == "together" else which
+            found: list[Any] = [self._transformers[which], *([self.fitted_[which]] if which in self._parts else [])]
+            for transformer in found:
+                transformer.set_params(**{parameter: value})
         return self
 
     def reads_raw(self, shape: tuple[int, ...], dtype: np.dtype) -> bool:
@@ -141,7 +143,7 @@ class Streams:
         return dtype.names is not None
 
     def fit(self, x: np.ndarray | Mapping[str, ArrayLike], y: object = None) -> Streams:
-        """Learn from observations of streams, (n,), or a mapping of them. `y` is passed over.
+        """Learn from observations of streams, (n,), or a mapping of them; what was fitted before may go on. `y` is passed over.
 
         Raises:
             ValueError: they are no numbers.
@@ -153,10 +155,12 @@ class Streams:
         self._check_names(list(streams_of(x)))
         parts = {}
         for name, transformer in self._transformers.items():
+            transformer, weights = (transformer, None) if name else self._weighed(transformer, x.dtype)
+            source = self._parts[name].descriptor.source if name in self._parts else transformer
             try:
-                descriptor = Descriptor(transformer).refitted(x[name] if name else x, weights=None if name else self.weights)
+                descriptor = Descriptor(source).refitted(x[name] if name else x, weights=weights)
             except DescriptorError as error:
-                raise DescriptorError(f"{name}: {error}" if name else str(error)) from error
+                raise type(error)(f"{name}: {error}" if name else str(error)) from error
             z = descriptor.describe_observation(x[name] if name else x)
             spread = float(np.sqrt(z.var(axis=0).sum())) if name else 1.0
             weight = self.weights.get(name, 1.0)
@@ -164,6 +168,11 @@ class Streams:
         self._parts, self._like = parts, x[:0].copy()
         self.scaling_ = Scaling.of(x, self.weights)
         return self
+
+    def _weighed(self, together: Any, dtype: np.dtype) -> tuple[Transformer, dict[str, float]]:
+        """What gets all streams, and the weights of a joint scaling: none where it has them itself."""
+        itself = together.weighed(dtype, self.weights) if self.weights and hasattr(together, "weighed") else None
+        return (together, self.weights) if itself is None else (itself, {})
 
     def _check_names(self, names: list[str]) -> None:
         missing = [] if self.together is not None else [name for name in names if name not in self.each]
