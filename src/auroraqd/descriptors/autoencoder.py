@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin, clone
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.exceptions import NotFittedError
 
 from auroraqd._checks import MOST_SEED, flag, number, numbers, numeric, one_of, rows_of, shown, whole
@@ -239,7 +239,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         `Streams` asks for it.
         """
         kind = self._network((), dtype)
-        return clone(self).set_params(network=kind.weighed(weights)) if isinstance(kind, Fused) else None
+        if not isinstance(kind, Fused):
+            return None
+        return type(self)(**{**self.get_params(), "network": kind.weighed(weights)})
 
     def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
