@@ -6,11 +6,14 @@ import naive
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from sklearn.decomposition import PCA
+from sklearn.decomposition import PCA, KernelPCA
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from auroraqd.descriptors._affine import Affine
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError
 from auroraqd.individuals import Columns
+from auroraqd.observations import joined
 
 
 @pytest.mark.parametrize(("n", "features", "d"), [(1, 1, 1), (5, 7, 2), (20, 100, 3), (4, 33, 10)])
@@ -94,3 +97,35 @@ def test_a_transformer_that_cannot_be_copied_is_fitted_once():
     assert fitted.describe_observation(x).shape == (20, 2)
     with pytest.raises(DescriptorError, match="Locked could not be copied to be fitted anew"):
         fitted.refitted(x)
+
+
+@pytest.mark.parametrize("of_streams", [False, True])
+@pytest.mark.parametrize(
+    "transformer", [PCA(n_components=2), make_pipeline(StandardScaler(), PCA(n_components=2)), KernelPCA(n_components=2)]
+)
+def test_many_entries_are_scaled_in_parts_in_float32(transformer, of_streams, monkeypatch):
+    """As in float64, but for rounding; what was observed, and the transformer that was given, stay as they were."""
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(40, 2)) @ rng.normal(size=(2, 30)) + 0.01 * rng.normal(size=(40, 30))
+    observation = joined({"a": x[:, :20], "b": x[:, 20:]}) if of_streams else x.reshape(40, 10, 3)
+    before = observation.copy()
+    wanted = Descriptor(transformer).refitted(observation)
+    monkeypatch.setattr("auroraqd.descriptors.descriptor._MOST_IN_FULL", 1000)
+    monkeypatch.setattr("auroraqd.descriptors.descriptor._MOST_SCALED", 100)
+    found = Descriptor(transformer).refitted(observation)
+    z, others = wanted.describe_observation(observation), found.describe_observation(observation)
+    assert_allclose(others * np.sign(np.einsum("ij,ij->j", z, others)), z, atol=1e-4 * np.abs(z).max())
+    assert np.abs(others - z).max() > 0  # it was done in another way
+    assert_array_equal(observation, before)
+    of = found.source[-1] if hasattr(found.source, "steps") else found.source
+    assert getattr(of, "copy", True)
+
+
+def test_another_solver_is_not_tried_where_the_first_may_have_written(monkeypatch):
+    def fails(self, x, y=None):
+        raise np.linalg.LinAlgError("no convergence")
+
+    monkeypatch.setattr(PCA, "fit", fails)
+    monkeypatch.setattr("auroraqd.descriptors.descriptor._MOST_IN_FULL", 10)
+    with pytest.raises(DescriptorError, match=r"PCA could not be fitted .*: no convergence"):
+        Descriptor(PCA(n_components=2)).refitted(np.random.default_rng(0).normal(size=(9, 4)))

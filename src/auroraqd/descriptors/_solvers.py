@@ -15,11 +15,15 @@ _COVARIANCE_FEATURES = 1000  # up to here scikit-learn, too, takes the covarianc
 _log = logging.getLogger("auroraqd")
 
 
-def fit(transformer: Any, x: np.ndarray, y: np.ndarray | None = None) -> None:
+def fit(transformer: Any, x: np.ndarray, y: np.ndarray | None = None, *, spare: bool = False) -> None:
     """Fit a transformer on x, and y if given; each `PCA(svd_solver="auto")`, alone or in a pipeline, by what always converges.
 
     That is what scikit-learn would take by the shape of x, unless rows repeat: then "covariance_eigh", up to 1,000 features.
     Should the solver fail all the same, another takes its place, with a warning. The parameter is "auto" again in the end.
+
+    Args:
+        transformer, x, y: see above.
+        spare: whether x is too large to be copied, and needed no more: PCA overwrites it, and no other solver takes its place.
 
     Raises:
         Exception: whatever the transformer raises.
@@ -28,8 +32,13 @@ def fit(transformer: Any, x: np.ndarray, y: np.ndarray | None = None) -> None:
     if not automatic:
         _fit_on(transformer, x, y)
         return
-    stable = _stable(automatic, x)
+    stable, copied = _stable(automatic, x), [pca.copy for pca in automatic]
     try:
+        if spare:
+            for pca in automatic:
+                pca.copy = False
+            _fit(transformer, automatic, x, y, "auto")
+            return
         if _by_gesdd(x) and stable == "covariance_eigh" and len(np.unique(x, axis=0)) < len(x):
             _log.info("rows of %d observations repeat: PCA is fitted by %r", len(x), stable)
             _fit(transformer, automatic, x, y, stable)
@@ -42,8 +51,8 @@ def fit(transformer: Any, x: np.ndarray, y: np.ndarray | None = None) -> None:
                     f"PCA could not be fitted by scikit-learn's default solver ({error}); by {stable!r} it was", stacklevel=4
                 )
     finally:
-        for pca in automatic:
-            pca.svd_solver = "auto"
+        for pca, copy in zip(automatic, copied, strict=True):
+            pca.svd_solver, pca.copy = "auto", copy
 
 
 def _fit(transformer: Any, automatic: list[Any], x: np.ndarray, y: np.ndarray | None, solver: str) -> None:

@@ -21,7 +21,7 @@ from auroraqd.descriptors import _solvers, supervised
 from auroraqd.descriptors._affine import Affine
 from auroraqd.descriptors.scaling import Scaler, Scaling
 from auroraqd.individuals import Columns
-from auroraqd.observations import Layout, described, finite_rows, flat, layout_of, observations, unflattened
+from auroraqd.observations import Layout, described, features_of, finite_rows, flat, layout_of, observations, unflattened
 
 HAND_CODED = "hand-coded"
 GENOTYPE = "genotype"
@@ -38,6 +38,10 @@ _MOST_SCALED = 2**22
 """Entries of observations that are scaled at a time, 32 MiB."""
 
 
+_MOST_IN_FULL = 2**25
+"""Entries of observations that a transformer is fitted on in float64, 256 MiB; more are in float32."""
+
+
 class DescriptorError(ValueError):
     """A descriptor cannot be fitted, or describes in a way that it must not. What was found before stays."""
 
@@ -49,6 +53,8 @@ class Mismatch(DescriptorError):
 @runtime_checkable
 class Transformer(Protocol):
     """What Aurora needs of a learned descriptor. `inverse_transform`, where present, gives reconstructions.
+
+    It is fitted on scaled observations, float64; in float32 on more than 2^25 entries.
 
     One with an attribute `natural_shape` that is true gets observations in the shape of the task, (n, ...), instead. One with a
     method `reads_raw(shape, dtype)`, which is true for what is observed, gets them as they are stored, not scaled; once fitted
@@ -163,17 +169,17 @@ class Descriptor:
             DescriptorError: the transformer cannot be fitted.
         """
         layout = layout_of(observation)
-        joined = observation if layout is None else flat(observation)
-        shape = joined.shape[1:]
+        shape = observation.shape[1:] if layout is None else (features_of(observation),)
         if isinstance(self.source, str):
             return self.restored(Scaling.of(observation), shape, layout, limited=limited)
         transformer: Any = self._copied(self.source)
         raw = not weights and _reads_raw(transformer, shape, observation.dtype)  # weights are those of a joint scaling
         scaling = None if raw else Scaling.of(observation, weights)
-        x = observation if scaling is None else scaling.scaler(math.prod(shape))(joined)
-        x = x.reshape(joined.shape) if _natural(transformer) and layout_of(x) is None else x
+        x = observation if scaling is None else _scaled(scaling.scaler(math.prod(shape)), observation)
+        x = x.reshape(len(x), *shape) if _natural(transformer) and layout_of(x) is None else x
+        spare = scaling is not None and x.size > _MOST_IN_FULL
         try:
-            _solvers.fit(transformer, x, supervised.target(transformer, fitness))
+            _solvers.fit(transformer, x, supervised.target(transformer, fitness), spare=spare)
         except Mismatch:
             raise
         except Exception as error:
@@ -293,10 +299,7 @@ class Descriptor:
         return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
 
     def _parts(self, observation: np.ndarray) -> list[np.ndarray]:
-        """Rows of observations in parts that take little memory when they are scaled; as a whole, where that is little."""
-        n, features = len(observation), max(math.prod(self.shape), 1)
-        rows = n if n * features <= _MOST_SCALED else max(1, _MOST_SCALED // features)
-        return [observation[start : start + rows] for start in range(0, max(n, 1), max(rows, 1))]
+        return _parts(observation, math.prod(self.shape))
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:
         """(n, ...) to (n, features)."""
@@ -333,6 +336,25 @@ class Descriptor:
         if "ground_truth" not in individuals:
             raise DescriptorError("a hand-coded descriptor reads the ground truth, but the task gives none")
         return np.asarray(individuals["ground_truth"], np.float64).reshape(individuals.rows, -1)
+
+
+def _parts(observation: np.ndarray, features: int) -> list[np.ndarray]:
+    """Rows of observations in parts that take little memory when they are scaled; as a whole, where that is little."""
+    n = len(observation)
+    rows = n if n * features <= _MOST_SCALED else max(1, _MOST_SCALED // features)
+    return [observation[start : start + rows] for start in range(0, max(n, 1), max(rows, 1))]
+
+
+def _scaled(scaler: Scaler, observation: np.ndarray) -> np.ndarray:
+    """Observations, (n, ...), or streams, (n,), as (n, features), scaled: many in float32, a part at a time, to save memory."""
+    n, features = len(observation), len(scaler.center)
+    if n * features <= _MOST_IN_FULL:
+        return scaler(flat(observation))
+    x, start = np.empty((n, features), np.float32), 0
+    for part in _parts(observation, features):
+        x[start : start + len(part)] = scaler(flat(part))
+        start += len(part)
+    return x
 
 
 def _seeded(transformer: Any, rng: np.random.Generator) -> Any:
