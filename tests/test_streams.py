@@ -9,6 +9,7 @@ from commands import cli
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.base import clone
 from sklearn.decomposition import PCA, KernelPCA
 
 import auroraqd
@@ -368,6 +369,30 @@ def test_all_together_with_weights():
     assert_allclose(np.abs(heavy.describe_observation(observation)), np.abs(path), atol=0.05)
 
 
+def test_one_for_all_leaves_out_what_it_is_told(tmp_path):
+    observation = joined(robot(np.random.default_rng(0).random((60, 3)))[1])
+    descriptor = auroraqd.Streams(PCA(2), weights={"path": 2.0}, camera=None)
+    aurora = made(descriptor).run(robot, generations=2)
+    again = auroraqd.load(auroraqd.save(aurora, tmp_path))
+    wanted = auroraqd.Streams(PCA(2), weights={"path": 2.0}).fit(observation[["joints", "path"]])
+    found = clone(descriptor).fit(observation)
+    blind = observation.copy()
+    blind["camera"] = 7
+    for rows in (observation, blind):
+        assert_allclose(found.transform(rows), wanted.transform(rows[["joints", "path"]]))
+    assert_allclose(again.describe(again.observation), aurora.archive.descriptor)
+    assert again.reconstruct(again.descriptor).dtype.names == ("camera", "joints", "path")
+
+
+def test_clones_are_not_fitted():
+    for streams in (each_stream(), auroraqd.Streams(PCA(2), weights={"camera": 0.2})):
+        fitted = streams.fit(robot(np.random.default_rng(0).random((20, 3)))[1])
+        copied = clone(fitted)
+        assert repr(copied) == repr(fitted)
+        assert not copied.fitted_
+        assert not any(hasattr(transformer, "components_") for transformer in copied._transformers.values())
+
+
 @pytest.mark.parametrize(
     "streams",
     [
@@ -400,7 +425,25 @@ def test_streams_are_learned_saved_and_go_on(tmp_path, streams):
         (lambda: auroraqd.Streams(PCA(2), joints=PCA(2)), "Streams must be of one transformer for all, or of one for each"),
         (lambda: auroraqd.Streams(joints="pca"), "Streams must be of objects with fit and transform, got 'pca' for joints"),
         (lambda: auroraqd.Streams(joints=PCA), "Streams must be of objects with fit and transform, got .*PCA.* for joints"),
-        (lambda: auroraqd.Streams(joints=PCA(2), weights={"joints": 0}), r"weights\['joints'\] must be .*, above 0, got 0"),
+        (
+            lambda: auroraqd.Streams(joints=PCA(2), weights={"joints": 0}),
+            r"weights\['joints'\] must be .*, 1e-06 to 1e\+06, .* got 0",
+        ),
+        (
+            lambda: auroraqd.Streams(PCA(2), weights={"joints": 1e200}),
+            r"weights\['joints'\] must be .*, 1e-06 to 1e\+06, got 1e",
+        ),
+        (lambda: auroraqd.Streams(PCA(2), weights={3: 1.0}), "weights must be of streams, by their names, got 3"),
+        (
+            lambda: auroraqd.Streams(a=PCA(2), b=None, weights={"b": 2}),
+            "streams that are described, got b, which b=None leaves",
+        ),
+        (
+            lambda: auroraqd.Streams(PCA(2)).set_params(c__copy=True),
+            "Streams has no parameter 'c__copy'; it has together__copy",
+        ),
+        (lambda: auroraqd.Streams(PCA(2)).fit({"a": np.zeros((0, 3))}), "x must be finite, of one row at least, got no row"),
+        (lambda: auroraqd.Streams(PCA(2)).fit({"a": np.full((3, 3), np.nan)}), "x must be .*, got a NaN or an infinity"),
         (lambda: auroraqd.Streams(joints=PCA(2), weights={"joints": "1"}), r"weights\['joints'\] must be a finite number"),
         (lambda: auroraqd.Streams(PCA(2), weights=3), "weights must be a dictionary"),
     ],

@@ -210,6 +210,9 @@ def check_like(name: str, rows: np.ndarray, known: np.ndarray) -> None:
     """Raise ValueError unless rows fit into a column that is there, in shape and without loss in dtype."""
     if has_streams(rows) or has_streams(known):
         check_same_streams(name, rows, known)
+        for stream, of in streams_of(rows).items():
+            check_like(f"{name} {stream}", of, known[stream])
+        return
     if rows.shape[1:] != known.shape[1:]:
         raise ValueError(f"{name} must have shape {rows_of(known.shape[1:])}, as before, got {rows.shape}")
     if rows.dtype != known.dtype and not np.can_cast(rows.dtype, known.dtype, "safe"):

@@ -22,6 +22,7 @@ training [3], and a dimension's first half nat costs nothing [4].
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 import warnings
@@ -241,7 +242,9 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         kind = self._network((), dtype)
         if not isinstance(kind, Fused):
             return None
-        return type(self)(**{**self.get_params(), "network": kind.weighed(weights)})
+        same = copy.copy(self)
+        same.network = kind.weighed(weights)
+        return same
 
     def fit(self, x: ArrayLike, y: object = None) -> AutoEncoder:
         """Learn from observations, (n, ...), n >= 1. `y` is passed over.
@@ -264,7 +267,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             x = rows = flat(x)
         shape = rows.shape[1:]
         architecture = _Architecture(kind, shape, int(self.n_components), self.beta > 0)
-        goes_on = self.warm_start and self._architecture() == architecture
+        goes_on = self.warm_start and architecture.is_that_of(self._architecture())
         fits = self.n_fits_ if goes_on else 0
         rng = np.random.default_rng(None if self.random_state is None else [self.random_state, fits])
         start = _filled(architecture, self.weights_ if goes_on else None, rng)
@@ -421,8 +424,10 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
                 f", of the streams {', '.join(streams_of(x))} joined: network 'auto' takes streams" if has_streams(x) else ""
             )
             raise Mismatch(f"{error}{streams}") from None
-        large = [s.shape[1:] for s in streams_of(x[:0]).values() if networks.is_large_image(s.shape[1:], s.dtype)]
-        if large and self.network == "auto":
+        dense = [name for name, _, part in kind.parts if isinstance(part, MLP)] if isinstance(kind, Fused) else ["observation"]
+        read = [stream for name, stream in streams_of(x[:0]).items() if name in dense]
+        large = [s.shape[1:] for s in read if networks.is_large_image(s.shape[1:], s.dtype)]
+        if large and (isinstance(kind, Fused) or self.network == "auto"):
             warnings.warn(
                 f"observations of shape {rows_of(large[0])} look like images, but convolutions take at most {networks.LARGEST} "
                 "pixels a side: dense layers learn them, worse and more slowly. Make them smaller",
@@ -549,10 +554,20 @@ class _Architecture(NamedTuple):
     n_components: int
     variational: bool
 
+    def is_that_of(self, known: _Architecture | None) -> bool:
+        """Whether its weights can go on as those of this one; how much streams count is no matter."""
+        return known is not None and known._replace(network=_unweighed(known.network)) == self._replace(
+            network=_unweighed(self.network)
+        )
+
     def as_json(self) -> dict[str, Any]:
         """What `network_` does not say."""
         known = {"shape": list(self.shape), "n_components": self.n_components}
         return {**known, "variational": True} if self.variational else known
+
+
+def _unweighed(network: Network) -> Network:
+    return network.weighed({}) if isinstance(network, Fused) else network
 
 
 class _Tried(NamedTuple):

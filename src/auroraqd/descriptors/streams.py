@@ -13,14 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.base import clone
 
 from auroraqd._checks import mapping, number, numbers, shown
 from auroraqd.descriptors.descriptor import Descriptor, DescriptorError, Mismatch, Transformer
+from auroraqd.descriptors.networks import Network
 from auroraqd.descriptors.scaling import Scaling
 from auroraqd.individuals import Columns
 from auroraqd.observations import (
     check_same_streams,
     features_of,
+    finite_rows,
     flat,
     has_streams,
     joined,
@@ -29,6 +32,9 @@ from auroraqd.observations import (
     streams_of,
     unflattened,
 )
+
+_PLAIN = bool, int, float, str, tuple, Network, type(None)  # parameters that are equal if they are alike
+_LIGHTEST, _HEAVIEST = 1e-6, 1e6  # weights, whose squares are of use in float32
 
 
 class _Part(NamedTuple):
@@ -54,8 +60,9 @@ class Streams:
     Args:
         together: a transformer that gets all streams, as one that is given to `Aurora` by itself: scaled, flattened and joined.
             An `AutoEncoder` gets them as they are, and the weights in its network.
-        weights: of streams by their names, above 0 and 1 where there is none: how much distances along each count.
-        each: instead, a transformer for each stream, by its name; None leaves it out. See the module docstring.
+        weights: of streams by their names, from 1e-6 to 1e6, 1 where there is none: how much distances along each count.
+        each: instead, a transformer for each stream, by its name; None leaves it out, also of one for all. See the module
+            docstring.
 
     Raises:
         TypeError, ValueError: a transformer that is none, a weight out of range, or both kinds of transformers.
@@ -101,9 +108,14 @@ class Streams:
             if hasattr(transformer, "check_parameters"):
                 transformer.check_parameters()  # pyright: ignore[reportAttributeAccessIssue]
         for name, weight in self.weights.items():
-            number(f"weights[{name!r}]", weight, wanted="above 0")
-            if weight == 0:
-                raise ValueError(f"weights[{name!r}] must be a finite number, above 0, got 0: {name}=None leaves it out")
+            if not isinstance(name, str):
+                raise ValueError(f"weights must be of streams, by their names, got {shown(name)}")
+            if name in self.each and self.each[name] is None:
+                raise ValueError(f"weights must be of streams that are described, got {name}, which {name}=None leaves out")
+            hint = f", and {name}=None leaves a stream out" if weight == 0 else ""
+            number(
+                f"weights[{name!r}]", weight, least=_LIGHTEST, most=_HEAVIEST, wanted=f"{_LIGHTEST:g} to {_HEAVIEST:g}{hint}"
+            )
 
     @property
     def _transformers(self) -> dict[str, Transformer]:
@@ -130,13 +142,22 @@ class Streams:
 
     def set_params(self, **parameters: Any) -> Streams:
         """Set some of `get_params`, of what is fitted too."""
+        known = self.get_params()
         for name, value in parameters.items():
+            if name not in known:
+                raise ValueError(f"Streams has no parameter {name!r}; it has {', '.join(known)}")
             which, _, parameter = name.partition("__")
             which = "" if which == "together" else which
-            found: list[Any] = [self._transformers[which], *([self.fitted_[which]] if which in self._parts else [])]
-            for transformer in found:
-                transformer.set_params(**{parameter: value})
+            for transformer in (self._transformers[which], self.fitted_.get(which)):
+                if transformer is not None:
+                    transformer.set_params(**{parameter: value})  # pyright: ignore[reportAttributeAccessIssue]
         return self
+
+    def __sklearn_clone__(self) -> Streams:
+        """The same, not fitted: what `sklearn.base.clone` gives."""
+        each: dict[str, Any] = {name: clone(given, safe=False) for name, given in self.each.items()}
+        together: Any = clone(self.together, safe=False)
+        return Streams(together, weights=self.weights, **each)
 
     def reads_raw(self, shape: tuple[int, ...], dtype: np.dtype) -> bool:
         """Whether observations of this shape, without the rows, and dtype are given to `fit` as they are: streams are."""
@@ -153,21 +174,32 @@ class Streams:
         if not has_streams(x):
             raise Mismatch("Streams must be fitted on streams, a mapping of names to arrays, got observations of one array")
         self._check_names(list(streams_of(x)))
+        if len(x) == 0 or not finite_rows(x).all():
+            raise ValueError(f"x must be finite, of one row at least, got {'a NaN or an infinity' if len(x) else 'no row'}")
         parts = {}
         for name, transformer in self._transformers.items():
-            transformer, weights = (transformer, None) if name else self._weighed(transformer, x.dtype)
-            source = self._parts[name].descriptor.source if name in self._parts else transformer
+            rows = self._read_by(name, x)
+            transformer, weights = (transformer, None) if name else self._weighed(transformer, rows.dtype)
+            before = self._parts[name].descriptor.transformer if name in self._parts else None
+            source = before if before is not None and _alike(before, transformer) else transformer
             try:
-                descriptor = Descriptor(source).refitted(x[name] if name else x, weights=weights)
+                descriptor = Descriptor(source).refitted(rows, weights=weights)
             except DescriptorError as error:
                 raise type(error)(f"{name}: {error}" if name else str(error)) from error
-            z = descriptor.describe_observation(x[name] if name else x)
+            z = descriptor.describe_observation(rows)
             spread = float(np.sqrt(z.var(axis=0).sum())) if name else 1.0
             weight = self.weights.get(name, 1.0)
             parts[name] = _Part(descriptor, weight / spread if spread > 0 else weight, z.shape[1])
         self._parts, self._like = parts, x[:0].copy()
         self.scaling_ = Scaling.of(x, self.weights)
         return self
+
+    def _read_by(self, name: str, x: np.ndarray) -> np.ndarray:
+        """What of observations the transformer of a stream reads; the one for all, "", what is not left out."""
+        if name:
+            return x[name]
+        names = [stream for stream in streams_of(x) if stream not in self.each]
+        return x if len(names) == len(streams_of(x)) else x[names]
 
     def _weighed(self, together: Any, dtype: np.dtype) -> tuple[Transformer, dict[str, float]]:
         """What gets all streams, and the weights of a joint scaling: none where it has them itself."""
@@ -198,11 +230,9 @@ class Streams:
             ValueError: they are none, others than it was fitted on, or not finite.
         """
         streams = self._streams(x)
+        parts = self._parts.items()
         return np.hstack(
-            [
-                part.factor * part.descriptor.describe_observation(streams[name] if name else streams)
-                for name, part in self._parts.items()
-            ]
+            [part.factor * part.descriptor.describe_observation(self._read_by(name, streams)) for name, part in parts]
         )
 
     def describe(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -210,7 +240,7 @@ class Streams:
         streams = self._streams(x)
         values, squares = [], []
         for name, part in self._parts.items():
-            z, error = part.descriptor.describe(Columns({"observation": streams[name] if name else streams}))
+            z, error = part.descriptor.describe(Columns({"observation": self._read_by(name, streams)}))
             values.append(part.factor * z)
             assert error is not None  # or there would be no inverse
             squares.append(error**2)
@@ -290,8 +320,19 @@ class Streams:
             return
         self._like = joined({name: np.empty((0, *shape), kind) for name, kind, shape in state["like"]})
         for part in state["parts"]:
-            layout = None if part["name"] else layout_of(self._like)
+            layout = None if part["name"] else layout_of(self._read_by("", self._like))
             scaling = Scaling(part["low"], part["high"], part["limit"])
             descriptor = Descriptor(copy.copy(part["transformer"])).restored(scaling, tuple(part["shape"]), layout)
             self._parts[part["name"]] = _Part(descriptor, part["factor"], part["d"])
         self.scaling_ = Scaling(state["low"], state["high"], state["limit"])
+
+
+def _alike(fitted: Any, given: Any) -> bool:
+    """Whether a transformer that was fitted has the parameters of one that is given, so that it may go on."""
+    if not hasattr(given, "get_params"):
+        return True
+    one, other = (
+        {name: value for name, value in transformer.get_params().items() if isinstance(value, _PLAIN)}
+        for transformer in (fitted, given)
+    )
+    return one == other

@@ -372,7 +372,10 @@ def load_history(folder: str | os.PathLike) -> list[Record]:
         FileNotFoundError: there are none.
         ValueError: they are damaged.
     """
-    return read_table(_existing(folder, HISTORY), Record)
+    try:
+        return read_table(_existing(folder, HISTORY), Record)
+    except ValueError as error:
+        raise ValueError(f"{error}; `auroraqd resume` writes it whole again") from None
 
 
 def load_events(folder: str | os.PathLike) -> np.ndarray:
