@@ -53,6 +53,9 @@ def test_it_is_as_large_as_what_is_unexplained():
     np.testing.assert_allclose(training._noise(data, kind, protocol, 0.1), 0.3 * np.sqrt([4, 4, 0.75, 0.75, 0.75, 0.75]), 1e-6)
     assert_array_equal(training._noise(data, kind, protocol, 7.0), training._noise(data, kind, protocol, 1.0))
     assert training._noise(data, kind, protocol._replace(noise=0.0), 0.1) is None
+    few, many = (training._noise(data._replace(x=np.zeros((n, 6), np.float32)), kind, protocol, 0.1) for n in (1000, 4000))
+    assert_array_equal(few, training._noise(data, kind, protocol, 0.1))
+    np.testing.assert_allclose(many, few / 2, 1e-6)
     assert training._unexplained(0.5, data) == pytest.approx(0.25 * 6 / 11)
     assert training._unexplained(0.5, data._replace(variance=0.0)) == 0
 

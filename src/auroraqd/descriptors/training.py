@@ -7,9 +7,12 @@ number of epochs, rises.
 **Noise.** An encoder of many weights and few rows learns by heart what its few dimensions cannot tell, and then misplaces what
 is unlike those rows. What it reads in training may therefore be blurred by noise, while the reconstruction is compared with the
 row itself: a denoising auto-encoder [1]. Here the noise of a repeat is as large as the share of the variance that the repeat
-before left unexplained: next to none for behaviours of two parameters in two dimensions, much for a robot of many joints.
+before left unexplained: next to none for behaviours of two parameters in two dimensions, much for a robot of many joints. Beyond
+a thousand rows its variance falls as their number grows: noise is a penalty on slopes, whose weight is that variance [2], and
+the more rows there are, the less of a penalty it takes.
 
 [1] P. Vincent et al., Extracting and composing robust features with denoising autoencoders, ICML 2008.
+[2] C. M. Bishop, Training with noise is equivalent to Tikhonov regularization, Neural Computation 7, 1995.
 
 Short rows lie in memory as a whole, scaled. The loop is compiled for few numbers of them, some thousands and each fourfold, not
 for each number: rows beyond the last are padding that no mini-batch draws. Python only looks in between, about twice a second,
@@ -39,6 +42,7 @@ from auroraqd.observations import FlatRows
 
 Array = Any
 _LEAST_ROWS = 256
+_FEW_ROWS = 1000  # up to which noise is as large as it is for fewer
 # Fewer rows are filled up to the first of these, or to the second, of entries: compiling for fewer takes longer.
 _SOME_ROWS, _SOME_ENTRIES = 4096, 2**18
 _REPORT = 0.5  # s between two looks at the training
@@ -253,7 +257,8 @@ def _noise(data: Data, kind: Network, protocol: Protocol, unexplained: float) ->
         return None
     sizes = np.array(kind.groups(math.prod(data.x.shape[1:])))
     spread = np.repeat(np.sqrt(np.atleast_1d(data.variance) / sizes), sizes)
-    return jnp.asarray(protocol.noise * min(unexplained, 1.0) * spread, jnp.float32)
+    few = math.sqrt(min(1.0, _FEW_ROWS / len(data.x)))
+    return jnp.asarray(few * protocol.noise * min(unexplained, 1.0) * spread, jnp.float32)
 
 
 def _unexplained(rmse: float, data: Data) -> float:
