@@ -104,8 +104,8 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
             `auroraqd.descriptors.distances`. "auto": geodesic for images, measured for "recurrent", otherwise euclidean.
         noise: on what the encoder reads in training, against overfitting: its standard deviation, in the spread of the
             observations, times the share of their variance that is not explained, and less of more than 1,000 rows; see
-            `auroraqd.descriptors.training`. A new network has none in its first repeat. None: with `network="auto"`, 6 where that chooses "mlp"; otherwise 0, none,
-            streams among them.
+            `auroraqd.descriptors.training`. A new network has none in its first repeat. None: with `network="auto"`, 6 where
+            that chooses "mlp"; otherwise 0, none, streams among them.
         beta: weight of the divergence from a unit normal, in nats, against the same: a variational auto-encoder, see the
             module's documentation. 0: a plain one.
         optimizer: "adam" or "adagrad".

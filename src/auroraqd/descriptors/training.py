@@ -7,9 +7,9 @@ number of epochs, rises.
 **Noise.** An encoder of many weights and few rows learns by heart what its few dimensions cannot tell, and then misplaces what
 is unlike those rows. What it reads in training may therefore be blurred by noise, while the reconstruction is compared with the
 row itself: a denoising auto-encoder [1]. Here the noise of a repeat is as large as the share of the variance that the repeat
-before left unexplained: next to none for behaviours of two parameters in two dimensions, much for a robot of many joints. Beyond
-a thousand rows its variance falls as their number grows: noise is a penalty on slopes, whose weight is that variance [2], and
-the more rows there are, the less of a penalty it takes.
+before left unexplained: next to none for behaviours of two parameters in two dimensions, much for a robot of many joints.
+Beyond a thousand rows its variance falls as their number grows: noise is a penalty on slopes, whose weight is that variance
+[2], and the more rows there are, the less of a penalty it takes.
 
 [1] P. Vincent et al., Extracting and composing robust features with denoising autoencoders, ICML 2008.
 [2] C. M. Bishop, Training with noise is equivalent to Tikhonov regularization, Neural Computation 7, 1995.
