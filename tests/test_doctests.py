@@ -47,6 +47,7 @@ WITHOUT = {  # results, protocols, errors; what needs a service, a cluster or a 
     *("descriptors.networks.Convolutional", "descriptors.networks.Network", "descriptors.networks.chosen"),
     *(
         "descriptors.networks.is_image",
+        "descriptors.networks.is_large_image",
         "metrics.grid_of",
         "report.explore",
         "report.film",
@@ -62,7 +63,7 @@ WITHOUT = {  # results, protocols, errors; what needs a service, a cluster or a 
         "tasks.OpenLoop",
     ),
 }
-UNLISTED = {"descriptors.networks.chosen", "descriptors.networks.is_image", "metrics.grid_of"}
+UNLISTED = {*(f"descriptors.networks.{name}" for name in ("chosen", "is_image", "is_large_image")), "metrics.grid_of"}
 
 
 def short(name):
