@@ -15,6 +15,7 @@ descriptor calls nearest, the mean over all, as a share of that between two draw
 
 import argparse
 import time
+import warnings
 
 import numpy as np
 from ant import area_of
@@ -86,9 +87,11 @@ def update(rows, steps, training):
     """One fit, and encoding a batch of 200."""
     task = ant(steps)
     observation = task(np.random.default_rng(0).random((rows, task.n_genes))).observation
-    AutoEncoder(3, random_state=0, **BRIEF).fit(observation[:100])
+    with warnings.catch_warnings(action="ignore"):  # ten steps learn nothing
+        AutoEncoder(3, random_state=0, **BRIEF).fit(observation[:100])
     print(f"### One update on {rows:,} episodes, three streams\n")
-    cost(AutoEncoder(3, random_state=0, **training), observation)
+    with warnings.catch_warnings(action="ignore" if training else None):
+        cost(AutoEncoder(3, random_state=0, **training), observation)
 
 
 if __name__ == "__main__":

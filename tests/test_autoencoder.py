@@ -422,7 +422,7 @@ def test_runs_with_aurora_and_comes_back_from_disk(tmp_path):
 def test_images_given_to_the_network_for_trajectories():
     aurora = auroraqd.Aurora(2, auroraqd.AutoEncoder(network="convolutional"), seed=0)
     ended = pytest.raises(auroraqd.DescriptorError, match=r"network 'convolutional' is for time series.*\(n, steps, channels\)")
-    with ended, pytest.warns(UserWarning, match="individuals wait for the next batch"):
+    with ended:  # by its first fit: others will be no time series either
         aurora.run(lambda g: (g[:, 0], np.repeat(g[:, :1], 192, axis=1).reshape(-1, 8, 8, 3)), generations=20)
-    assert aurora.generation == 10
+    assert aurora.generation == 0
     assert aurora.pending is not None

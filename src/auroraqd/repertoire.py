@@ -278,8 +278,8 @@ class Repertoire(Individuals):
         try:
             goal = self._goals("observation", "observation", observation)[0]
         except ValueError as error:
-            truth = self.ground_truth is not None and np.shape(observation) == self.ground_truth.shape[1:]  # pyright: ignore
-            raise ValueError(f"{error}{'. It may be a ground truth: refine comes close to those' * truth}") from None
+            hint = ". It may be a ground truth: refine comes close to those" if self._may_be_truth(observation) else ""
+            raise ValueError(f"{error}{hint}") from None
         distance = np.linalg.norm(self._rulers["observation"].apart(self.observation, goal), axis=1)
         rows = np.argsort(distance, kind="stable")[:k]
         descriptor = self._descriptor
@@ -430,6 +430,13 @@ class Repertoire(Individuals):
         if np.isnan(found).all(axis=1).any():
             raise ValueError(f"{called} must have finite entries, or NaN for what does not matter, but not NaN alone")
         return found
+
+    def _may_be_truth(self, values: Any) -> bool:
+        """Whether what is no observation has the shape of one ground truth."""
+        try:
+            return self.ground_truth is not None and np.shape(values) == self.ground_truth.shape[1:]
+        except ValueError:  # rows of several lengths
+            return False
 
     def explained(self) -> np.ndarray:
         """Which share of the variance of what was observed the first principal components hold: how large a descriptor may be.
