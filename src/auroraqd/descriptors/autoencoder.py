@@ -263,6 +263,7 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
         x, rows = _read(x)
         kind = self._network(rows.shape[1:], x.dtype)
         self._check_fits(kind, x, rows.shape[1:])
+        self._warn_of_large_images(kind, x)
         if has_streams(x) and not isinstance(kind, Fused):
             x = rows = flat(x)
         shape = rows.shape[1:]
@@ -424,10 +425,15 @@ class AutoEncoder(TransformerMixin, BaseEstimator):
                 f", of the streams {', '.join(streams_of(x))} joined: network 'auto' takes streams" if has_streams(x) else ""
             )
             raise Mismatch(f"{error}{streams}") from None
-        dense = [name for name, _, part in kind.parts if isinstance(part, MLP)] if isinstance(kind, Fused) else ["observation"]
-        read = [stream for name, stream in streams_of(x[:0]).items() if name in dense]
-        large = [s.shape[1:] for s in read if networks.is_large_image(s.shape[1:], s.dtype)]
-        if large and (isinstance(kind, Fused) or self.network == "auto"):
+
+    def _warn_of_large_images(self, kind: Network, x: np.ndarray) -> None:
+        """Say so where dense layers were chosen for what looks like images, because these are too large."""
+        if isinstance(kind, Fused):
+            dense = [x[name] for name, _, part in kind.parts if isinstance(part, MLP)]
+        else:
+            dense = [x] if self.network == "auto" else []
+        large = [stream.shape[1:] for stream in dense if networks.is_large_image(stream.shape[1:], stream.dtype)]
+        if large:
             warnings.warn(
                 f"observations of shape {rows_of(large[0])} look like images, but convolutions take at most {networks.LARGEST} "
                 "pixels a side: dense layers learn them, worse and more slowly. Make them smaller",

@@ -245,7 +245,7 @@ class Descriptor:
             raise ValueError("observation must be finite, got a NaN or an infinity")
         if self.affine is not None:
             return self.affine.describe(self._flat(observation))[0]
-        return np.concatenate([self._encoded(self._read_by_it(part)) for part in self._parts(observation)])
+        return np.concatenate([self._encoded(self._read_by_it(part)) for part in _parts(observation, math.prod(self.shape))])
 
     def reconstruct(self, descriptor: ArrayLike) -> np.ndarray:
         """Observations, (n, ...) float64 in the units of the task, reconstructed from descriptors, (n, d).
@@ -279,7 +279,7 @@ class Descriptor:
         observation = individuals["observation"]
         if self.affine is not None:
             return self.affine.describe(self._flat(observation))
-        described = [self._described(part) for part in self._parts(observation)]
+        described = [self._described(part) for part in _parts(observation, math.prod(self.shape))]
         z, errors = zip(*described, strict=True)
         return np.concatenate(z), None if errors[0] is None else np.concatenate(errors)
 
@@ -297,9 +297,6 @@ class Descriptor:
         assert self.scaler is not None  # it is ready
         difference = (reconstruction - x) * self.scaler.factor if self.raw else reconstruction - x
         return z, np.sqrt(np.einsum("ij,ij->i", difference, difference) / x.shape[1])
-
-    def _parts(self, observation: np.ndarray) -> list[np.ndarray]:
-        return _parts(observation, math.prod(self.shape))
 
     def _flat(self, observation: np.ndarray) -> np.ndarray:
         """(n, ...) to (n, features)."""
